@@ -1,13 +1,15 @@
 """A run folder as a Python value, and how a notebook shows it."""
 
+import errno
 import json
+import os
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import humanmm
-from humanmm.errors import InputError, TruthError
+from humanmm.errors import InputError, StoreError, TruthError
 from humanmm.storage.run_folder.run_record import SCHEMA
 
 
@@ -72,6 +74,22 @@ def test_a_users_exports_are_no_part_of_the_run(toy: Any) -> None:
     for path in (*written, run.folder / "export" / "exports.json"):
         path.unlink()
     assert toy.main("recover", "film.mp4")[2].endswith("were in the store\n"), "nothing of the run is missing"
+
+
+def test_a_run_folder_that_may_only_be_read_says_to_name_another_folder(
+    toy: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    toy.run()
+    assert toy.main("recover", "film.mp4")[0] == 0
+    run = humanmm.load(toy.folder / "runs" / "film")
+
+    def refuse(*given: object) -> int:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "open", refuse)
+        with pytest.raises(StoreError, match=r"\.lock: permission denied; name another folder with --out"):
+            run.export("csv")
 
 
 def test_files_of_a_run_are_refused_and_replaced(toy: Any) -> None:

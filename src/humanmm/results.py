@@ -202,12 +202,13 @@ class Run:
     def _unchanging(self) -> AbstractContextManager[None]:
         """While nobody else writes the folder. InputError if the writing of it broke off."""
         from humanmm.storage.run_folder.run_record import FILE, LOCK, read_run_record
+        from humanmm.storage.store.files import OTHER_FOLDER
         from humanmm.storage.store.locks import FileLock
 
         if (self.folder / FILE).is_file():
             read_run_record(self.folder)
         waiting = f"another run is writing {self.folder}; waiting for it"
-        return FileLock(self.folder / LOCK, waiting=waiting).held()
+        return FileLock(self.folder / LOCK, waiting=waiting, other=OTHER_FOLDER).held()
 
     def draw(self, *, force: bool = False) -> tuple[Path, ...]:
         """Draw the pictures in `folder/view` that are missing, with `force` all of them; paths of all pictures."""

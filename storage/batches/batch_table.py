@@ -168,14 +168,14 @@ class BatchTable:
         found = self._rows(VIDEOS.c.batch == batch, VIDEOS.c.video == video, limit=1)
         return found[0] if found else None
 
-    def finished(self, rewritten: Mapping[tuple[str, str], str]) -> dict[tuple[str, str, str], tuple[str, str]]:
-        """Video, facts and recipe → run folder and its host of everything that any batch has finished, but for what
-        was `rewritten`."""
+    def finished(self, rewritten: Mapping[tuple[str, str], str]) -> dict[tuple[str, str, str], tuple[str, str, float]]:
+        """Video, facts and recipe → run folder, its host, and when it ended, of everything that any batch has finished,
+        but for what was `rewritten`."""
         c = VIDEOS.c
-        columns = (c.batch, c.video, c.facts, c.recipe, c.run_dir, c.host)
+        columns = (c.batch, c.video, c.facts, c.recipe, c.run_dir, c.host, c.changed)
         found = self._select(sa.select(*columns).where(self._of_store, c.state == "done"))
         kept = (values for batch, *values in found if (batch, values[0]) not in rewritten)
-        return {(video, facts, recipe): (run_dir, host) for video, facts, recipe, run_dir, host in kept}
+        return {(video, facts, recipe): (run_dir, host, ended) for video, facts, recipe, run_dir, host, ended in kept}
 
     def rewritten(self) -> dict[tuple[str, str], str]:
         """Batch and video of what is done → the batch that has written another result to its run folder since."""

@@ -28,7 +28,7 @@ class VideoRow:
     tags: str
     """Tags as a json list."""
     facts: str
-    """Size, modification time and inode of the file as json, empty if there is none: another file is another video."""
+    """`facts_of` the file, empty if there is none: another file is another video."""
     recipe: str
     """Digest of code, weights, libraries and settings: what is finished with another recipe is not finished."""
     attempt: int = 1
@@ -87,13 +87,26 @@ class VideoRow:
         return {name: getattr(self, name) for name in ("video", "state", "stage", "reason", "run_dir", "seconds")}
 
 
+FACTS = ("size", "mtime_ns", "inode", "ctime_ns")
+"""What `facts_of` gives, in order, by the names of `storage.store.identity.FileState`."""
+
+
 def facts_of(video: Path) -> str:
-    """Size, modification time and inode of a file as json; empty if it cannot be seen."""
+    """Size, modification time, inode and time of the last change of a file as json; empty if it cannot be seen.
+
+    A program that writes into a file may set its modification time back, as copying programs do. The last it cannot; a
+    new name, link or mode changes it, too.
+    """
     try:
         status = video.stat()
     except OSError:
         return ""
-    return json.dumps([status.st_size, status.st_mtime_ns, status.st_ino])
+    return json.dumps([status.st_size, status.st_mtime_ns, status.st_ino, status.st_ctime_ns])
+
+
+def may_be_same(facts: str, others: str) -> bool:
+    """Whether two facts differ in nothing but the time of the last change: then the content decides."""
+    return bool(facts and others) and json.loads(facts)[:3] == json.loads(others)[:3]
 
 
 def counts(rows: Iterable[VideoRow]) -> Mapping[str, int]:
@@ -107,6 +120,9 @@ def counts_in_words(rows: Iterable[VideoRow]) -> str:
     return ", ".join(f"{number} {state}" for state, number in counts(rows).items()) or "no video"
 
 
-def has_run_record(run_dir: str) -> bool:
-    """True if a run folder is still there."""
-    return os.path.exists(f"{run_dir}/run.json")  # noqa: PTH110  (called for 10,000 folders)
+def recorded_at(run_dir: str) -> float | None:
+    """When the record of a run folder was written, seconds since 1970; None if there is none."""
+    try:
+        return os.stat(f"{run_dir}/run.json").st_mtime  # noqa: PTH116  (called for 10,000 folders)
+    except OSError:
+        return None

@@ -9,7 +9,7 @@ from humanmm.models.motion.scenery import scenery_in_world
 from humanmm.models.records.camera import ShotCamera
 from humanmm.models.records.recording import Recording
 from humanmm.storage.run_folder.run_record import read_run_record
-from humanmm.storage.store.open import open_store
+from humanmm.storage.store.open import open_store_of_run
 from humanmm.storage.store.store import Store
 
 log = logging.getLogger(__name__)
@@ -25,7 +25,7 @@ def kept_scenery(run_dir: Path, recording: Recording) -> WorldScenery:
     try:
         record = read_run_record(run_dir)
         keys = {one["shot"]: one["key"] for one in record["stages"] if one["stage"] == STAGE and one["key"]}
-        store = open_store(record["store"], read_only=True)
+        store = open_store_of_run(record["store"])
     except (HumanMMError, KeyError) as error:
         log.warning("points of the background cannot be read and are left out: %s", error)
         return {}

@@ -14,7 +14,7 @@ from humanmm.models.records.motion import CutAlignment, Facing, PathScale, PoseE
 from humanmm.models.records.shots import ShotList, Transition
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.store.codec import Json
-from humanmm.storage.store.files import replace_file
+from humanmm.storage.store.files import OTHER_FOLDER, replace_file
 from humanmm.storage.store.locks import FileLock
 
 if TYPE_CHECKING:  # importing it loads the numerical libraries, which `status` does not need
@@ -184,7 +184,7 @@ def read_run_record(run_dir: Path) -> dict[str, Any]:
     record = _read(run_dir)
     deadline = time.monotonic() + WRITING_S
     while record.get("state") == UNFINISHED:
-        with FileLock(run_dir / LOCK, waiting="").tried() as is_free:
+        with FileLock(run_dir / LOCK, waiting="", other=OTHER_FOLDER).tried() as is_free:
             record = _read(run_dir)  # again: it may have been written to its end before the lock was free
         if record.get("state") == UNFINISHED and (is_free or time.monotonic() > deadline):
             raise InputError(f"{run_dir} is being written, or its writing broke off; `humanmm recover` writes it anew")

@@ -13,6 +13,8 @@ from pathlib import Path
 
 from humanmm.errors import InputError, StoreError
 
+OTHER_STORE, OTHER_FOLDER = "another store with --store", "another folder with --out"
+"""What may be named in place of a store, and of an output folder, that cannot be written."""
 _WRITING = ".writing-"
 """Prefix of the names of unfinished files and folders; the writer's process id follows."""
 _LEFTOVER = re.compile(rf"{re.escape(_WRITING)}(\d{{1,9}})-")
@@ -128,17 +130,18 @@ def check_writable(folder: Path) -> None:
 
 
 @contextlib.contextmanager
-def store_errors(what: str, *, missing: bool = False) -> Iterator[None]:
-    """Raise file-system faults of the block as StoreError; FileNotFoundError stays as it is unless `missing`."""
+def store_errors(what: str, *, missing: bool = False, other: str = OTHER_STORE) -> Iterator[None]:
+    """Raise file-system faults of the block as StoreError; FileNotFoundError stays as it is unless `missing`. `other`:
+    what may be named in its place."""
     try:
         yield
     except OSError as error:
         if isinstance(error, FileNotFoundError) and not missing:
             raise
-        raise StoreError(explain_os_error(error, what)) from error
+        raise StoreError(explain_os_error(error, what, other=other)) from error
 
 
-def explain_os_error(error: OSError, what: str, *, other: str = "another store with --store") -> str:
+def explain_os_error(error: OSError, what: str, *, other: str = OTHER_STORE) -> str:
     """One sentence for a file-system fault: what failed, why, what to do; `other`: what may be named in its place."""
     advice = {
         errno.ENOSPC: f"the disk is full; free some space or name {other}",

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from humanmm.errors import StoreError
 from humanmm.storage.store.bucket import Bucket, Object
-from humanmm.storage.store.files import store_errors
+from humanmm.storage.store.files import OTHER_STORE, store_errors
 
 log = logging.getLogger(__name__)
 
@@ -39,10 +39,12 @@ _FREE = b"free"
 class FileLock:
     """A flock on one file, which all processes of this host share. Its holder may remove the file as its last act."""
 
-    def __init__(self, path: Path, *, waiting: str, level: int = logging.INFO) -> None:
+    def __init__(self, path: Path, *, waiting: str, level: int = logging.INFO, other: str = OTHER_STORE) -> None:
         self._path = path
         self._waiting, self._level = waiting, level
         """The line of the log while another process holds it."""
+        self._other = other
+        """What may be named in place of where it lies."""
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
@@ -76,7 +78,7 @@ class FileLock:
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[int]:
-        with store_errors(f"cannot lock {self._path}"):
+        with store_errors(f"cannot lock {self._path}", other=self._other):
             self._path.parent.mkdir(parents=True, exist_ok=True)
             descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
         try:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
+from humanmm.errors import StoreError
 from humanmm.storage.store.artifact import DamageError, Manifest, check_files, read_encoded, read_manifest
 from humanmm.storage.store.codec import decode, encode
 from humanmm.storage.store.store import Entry, Store
@@ -18,7 +19,7 @@ class Finding:
     problem: str
     """Empty if it is sound."""
     damaged: bool = False
-    """Whether it was set aside; one that merely cannot be read stays where it is."""
+    """Whether it was set aside; one that cannot be read, or is in a store that cannot be written, stays where it is."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +41,10 @@ def verify(store: Store, *, outputs: Mapping[tuple[str, int], str], deep: bool) 
     for entry in store.entries():
         if entry.kind != "artifact":
             continue
+        problem = ""
         try:
-            if not _damage(store, entry, outputs, deep=deep):
+            problem = _damage(store, entry, outputs, deep=deep)
+            if not problem:
                 yield Finding(entry.name, "")
                 continue
             with store.try_lock(entry.stage, entry.key) as held:
@@ -53,6 +56,10 @@ def verify(store: Store, *, outputs: Mapping[tuple[str, int], str], deep: bool) 
             yield Finding(entry.name, problem, damaged=bool(problem))
         except OSError as error:
             yield Finding(entry.name, f"it cannot be read: {error}")
+        except StoreError as error:  # a store that this user may only read
+            if not problem:
+                raise
+            yield Finding(entry.name, f"{problem}, and it stays where it is: {error}")
 
 
 def _damage(store: Store, entry: Entry, outputs: Mapping[tuple[str, int], str], *, deep: bool) -> str:

@@ -291,7 +291,7 @@ class Store(VideoRecords):
         """Remove an entry. The caller holds the key's lock if it is an artifact."""
         path = self.root / entry.name
         if entry.key:
-            trash = self.root / "tmp" / f"{entry.key}-removed"
+            trash = self.root / "tmp" / f"{uuid.uuid4().hex}-removed"  # that of a killed `gc` may still be there
             trash.parent.mkdir(exist_ok=True)
             path.rename(trash)  # at once: no reader sees half an artifact
             path = trash

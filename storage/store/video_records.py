@@ -9,9 +9,12 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from datetime import datetime
 
 from humanmm.storage.store.artifact import Manifest
 from humanmm.storage.store.recipe import Recipe
+
+TIME = "%Y-%m-%dT%H:%M:%S%z"
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,11 @@ class RunNote:
     artifacts: tuple[str, ...] = ()
     """URIs of everything that it found or computed."""
     finished: str = ""
+
+    @property
+    def ended(self) -> float:
+        """When it ended, seconds since 1970: the end of the second that `finished` names."""
+        return datetime.strptime(self.finished, TIME).timestamp() + 1.0 if self.finished else 0.0
 
 
 class VideoRecords(ABC):

@@ -1,16 +1,17 @@
 """Which videos of a batch are to be computed. Needs no Prefect.
 
 A submitted batch is compared with the batch table and the store before anything is scheduled: a video is finished if
-the same file was finished with the same code, weights, libraries and settings and its run folder is still there.
+the same file was finished with the same code, weights, libraries and settings, and its run folder is still there and
+was not written again since, by `humanmm recover` with other settings for one.
 """
 
+import contextlib
 import functools
 import hashlib
 import json
 import logging
 import os
 import socket
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,11 +19,11 @@ from typing import Any
 
 from humanmm.config import Config
 from humanmm.config_reading import resolve, validate, with_sections
-from humanmm.errors import InputError
+from humanmm.errors import InputError, VideoError
 from humanmm.parts import Part, chosen
 from humanmm.storage.batches.batch_table import BatchTable
 from humanmm.storage.batches.manifest import Entry
-from humanmm.storage.batches.video_row import VideoRow, facts_of, has_run_record
+from humanmm.storage.batches.video_row import FACTS, VideoRow, facts_of, may_be_same, recorded_at
 from humanmm.storage.run_folder.corrections_file import FILE as CORRECTIONS
 from humanmm.storage.run_folder.corrections_file import decided
 from humanmm.storage.store.identity import identify, known_content
@@ -88,9 +89,8 @@ def submit(table: BatchTable, name: str, entries: Sequence[Entry], config: Confi
     outdated: list[str] = []
     for row in wanted:
         known = before.get(row.video)
-        is_missing = known is not None and known.state == "done" and _is_gone(known.run_dir, known.host)
-        is_missing |= (name, row.video) in rewritten
-        if known is not None and known.same_work(row) and not is_missing and not _is_run_otherwise(known, row):
+        is_other = (name, row.video) in rewritten or (known is not None and _is_other(known))
+        if known is not None and known.same_work(row) and not is_other and not _is_run_otherwise(known, row):
             continue
         if known is not None and _is_running(known):
             outdated.append(row.video)
@@ -128,7 +128,9 @@ def _is_run_otherwise(known: VideoRow, row: VideoRow) -> bool:
 
 
 _REWRITTEN = "its run folder was rewritten by batch {}"
+_GONE, _AGAIN = "its run folder is gone", "its run folder was written again since"
 _CHANGED = "code, settings or corrections have changed"
+_TO_WRITE = "the store has everything, only its run folder is to be written"
 
 
 @dataclass(frozen=True)
@@ -164,7 +166,7 @@ def forecast_submission(
 def _planned(
     row: VideoRow,
     known: VideoRow | None,
-    finished: Mapping[tuple[str, str, str], tuple[str, str]],
+    finished: Mapping[tuple[str, str, str], tuple[str, str, float]],
     store: Store,
     rewritten_by: str | None,
 ) -> Planned:
@@ -176,24 +178,27 @@ def _planned(
         if known.state != "done":
             words = {"scheduled": "to do", "failed": "failed before", "partial": "partial before"}
             return Planned(row, words.get(known.state, known.state), known.reason)
-        if rewritten_by is None and not _is_gone(known.run_dir, known.host):
+        if rewritten_by is None and not _is_other(known):
             return Planned(row, "finished", "")
     if known is not None and _is_running(known):
         changed = _what_changed(known, row, store)
         return Planned(row, "running", f"as asked for before; {changed}: submit again when it has ended")
-    if _finished_on(row, finished, store, write=False) is not None:
-        return Planned(row, "finished", "the store has everything")
+    if _finished_on(row, finished, store) is not None:
+        return Planned(row, "finished", "the run folder is as it would be")
     if known is not None:
-        rewritten = _REWRITTEN.format(rewritten_by) if rewritten_by and known.same_work(row) else ""
-        return Planned(row, "to do", rewritten or _what_changed(known, row, store))
+        again = _GONE if recorded_at(known.run_dir) is None else _AGAIN
+        other = _REWRITTEN.format(rewritten_by) if rewritten_by else again
+        return Planned(row, "to do", other if known.same_work(row) else _what_changed(known, row, store))
     is_empty = json.loads(row.facts)[0] == 0
     return Planned(row, "to do", "it is empty: it will fail" if is_empty else "it is new")
 
 
 def with_notes(table: BatchTable, rows: Sequence[VideoRow]) -> list[VideoRow]:
-    """Rows of a batch; those that are done and whose run folder holds another batch's result by now say so."""
+    """Rows of a batch; those that are done and whose run folder was written again since say so."""
     by = table.rewritten()
-    reasons = {key: _REWRITTEN.format(name) for key, name in by.items()}
+    again = [row for row in rows if _is_other(row) and recorded_at(row.run_dir) is not None]
+    reasons = {(row.batch, row.video): _AGAIN for row in again}
+    reasons |= {key: _REWRITTEN.format(name) for key, name in by.items()}
     return [replace(row, reason=reasons.get((row.batch, row.video), row.reason)) for row in rows]
 
 
@@ -286,35 +291,39 @@ class _RunFolders:
         return path
 
 
-def _is_gone(run_dir: str, host: str) -> bool:
-    """Whether a finished run folder is no longer there; of another machine's that is unknown."""
-    return host in ("", socket.gethostname()) and not has_run_record(run_dir)
+def _is_other(known: VideoRow) -> bool:
+    """Whether it is done, and its run folder is no longer the one that it had written."""
+    return known.state == "done" and not _is_kept(known.run_dir, known.host, known.changed)
+
+
+def _is_kept(run_dir: str, host: str, ended: float) -> bool:
+    """Whether a run folder is there and was not written again after its run had ended, seconds since 1970; of another
+    machine's that is unknown. Where clocks differ it may be looked up without need."""
+    if host not in ("", socket.gethostname()):
+        return True
+    recorded = recorded_at(run_dir)
+    return recorded is not None and recorded <= ended
 
 
 def _finished_on(
-    row: VideoRow, finished: Mapping[tuple[str, str, str], tuple[str, str]], store: Store, *, write: bool = True
+    row: VideoRow, finished: Mapping[tuple[str, str, str], tuple[str, str, float]], store: Store
 ) -> str | None:
-    """Where its run folder is if nothing has to be computed; `write` one that is missing from the store."""
+    """The host of its run folder if that is as it would be: nothing has to be computed or written."""
     if not row.facts:
         return None
-    run_dir, host = finished.get((row.video, row.facts, row.recipe), ("", ""))
-    if run_dir == row.run_dir and not _is_gone(run_dir, host):
+    run_dir, host, ended = finished.get((row.video, row.facts, row.recipe), ("", "", 0.0))
+    if run_dir == row.run_dir and _is_kept(run_dir, host, ended):
         return host
     sha256 = _known_content(row, store)
     last = store.last_run(sha256) if sha256 is not None else None
     if last is None:
         return None
     wanted, made = (row.recipe, row.video, row.run_dir), (last.recipe, last.path, last.run_dir)
-    if wanted == made and not _is_gone(row.run_dir, last.host):
+    if wanted == made and _is_kept(row.run_dir, last.host, last.ended):
         return last.host
-    began = time.time()
     run = _run_of(row, store)
-    if not is_complete(forecast(run)):
-        return None
-    folder = Path(row.run_dir)
-    if write and not finish.is_up_to_date(run, folder):
-        finish.write_results(run, folder, started=began, log_text="written from the store alone\n")
-    return socket.gethostname()
+    is_whole = is_complete(forecast(run)) and finish.is_up_to_date(run, Path(row.run_dir))
+    return socket.gethostname() if is_whole else None
 
 
 def _run_of(row: VideoRow, store: Store) -> VideoRun:
@@ -325,20 +334,28 @@ def _run_of(row: VideoRow, store: Store) -> VideoRun:
 
 def _what_changed(known: VideoRow, row: VideoRow, store: Store) -> str:
     """Why a video is computed again: of its stages the first that would run says it."""
-    if known.facts != row.facts:
+    if not may_be_same(known.facts, row.facts):
         return "the file has changed"
     if known.run_dir != row.run_dir:
         return "its run folder has changed"
     plan = forecast(_run_of(row, store)) if _known_content(row, store) is not None else []
     reasons = (f"{entry.stage}: {entry.reason}" for entry in plan if entry.state == "will run")
-    return next(reasons, _CHANGED)
+    return next(reasons, _TO_WRITE if plan else _CHANGED)
 
 
 def _known_content(row: VideoRow, store: Store) -> str | None:
-    """Content hash of a video that was hashed before; new videos are hashed by the process that computes them."""
+    """Content hash of a video that was hashed before; new videos are hashed by the process that computes them.
+
+    One whose last change alone is another is hashed again here: a thousand files get a new mode or link at once, and
+    hardly ever another content.
+    """
     known = known_content(Path(row.video), store)
-    same = [known.get("size"), known.get("mtime_ns"), known.get("inode")] == json.loads(row.facts)
-    return str(known["sha256"]) if same else None
+    facts = json.dumps([known.get(name) for name in FACTS])
+    if facts == row.facts:
+        return str(known["sha256"])
+    with contextlib.suppress(VideoError):
+        return identify(Path(row.video), store).sha256 if may_be_same(facts, row.facts) else None
+    return None
 
 
 @functools.cache

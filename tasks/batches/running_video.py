@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from humanmm.errors import NoUsablePersonError, StoreError, VideoError
 from humanmm.storage.batches.batch_table import BatchTable
 from humanmm.storage.batches.owner import RENEW_S
-from humanmm.storage.batches.video_row import VideoRow, facts_of
+from humanmm.storage.batches.video_row import VideoRow, facts_of, may_be_same
 from humanmm.tasks.engine import finish
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.units.faults import in_words, is_infrastructure_fault
@@ -95,7 +95,7 @@ class RunningVideo:
     @property
     def _is_replaced(self) -> bool:
         """Whether it was another file when it was submitted."""
-        return self.row.facts not in ("", self._facts)
+        return bool(self.row.facts) and not may_be_same(self.row.facts, self._facts)
 
     def _lose(self, state: str, reason: str, error: Exception | None = None) -> None:
         retried(lambda: self.table.lose(self.row, reason, state=state, stage=self._failed_stage(error)))

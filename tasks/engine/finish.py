@@ -26,9 +26,9 @@ from humanmm.storage.run_folder.run_record import (
     write_run_record,
 )
 from humanmm.storage.store.codec import canonical_json
-from humanmm.storage.store.files import explain_os_error, replace_file
+from humanmm.storage.store.files import OTHER_FOLDER, explain_os_error, replace_file
 from humanmm.storage.store.locks import FileLock
-from humanmm.storage.store.video_records import RunNote
+from humanmm.storage.store.video_records import TIME, RunNote
 from humanmm.tasks.engine.corrections import outcomes
 from humanmm.tasks.engine.run import VideoRun
 from humanmm.tasks.pipeline import Stage
@@ -90,7 +90,7 @@ def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str
 
     waiting = f"another run is writing {run_dir}; waiting for it"
     try:
-        with FileLock(run_dir / LOCK, waiting=waiting, level=logging.WARNING).held():
+        with FileLock(run_dir / LOCK, waiting=waiting, level=logging.WARNING, other=OTHER_FOLDER).held():
             begin_run_record(run_dir)
             delivery, blob_dir = _write_folder(run, run_dir)
             recording = delivery.recording
@@ -104,7 +104,7 @@ def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str
             write_run_record(run_dir, record)
     except OSError as error:
         what = f"cannot write the run folder {run_dir}"
-        raise StoreError(explain_os_error(error, what, other="another folder with --out")) from error
+        raise StoreError(explain_os_error(error, what, other=OTHER_FOLDER)) from error
     reasons = "; ".join(f"{outcome.unit.label}: {outcome.reason}" for outcome in failures(run))
     remember(run, state, run_dir=run_dir, reason=reasons)
     log.info("%s: %s", run_dir, state)
@@ -122,16 +122,21 @@ def remember(run: VideoRun, state: str, *, run_dir: Path | None, reason: str) ->
         reason=reason,
         recipe=recipe_of(code_of(run.stages, run.keys.code), run.config) if state == "done" else "",
         artifacts=tuple(outcome.manifest.ref.uri for outcome in _in_order(run) if outcome.manifest),
-        finished=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+        finished=time.strftime(TIME),
     )
     run.store.note_run(note)
 
 
 def code_of(stages: Sequence[Stage], code: Callable[[Stage], CodeDigest]) -> str:
-    """Digest of the code, weights and libraries of all stages."""
+    """Digest of the code, weights and libraries of all stages, and of the code that writes run folders."""
     found = [code(stage) for stage in stages]
     names = [[stage.name, stage.schema_version] for stage in stages]
-    facts = [names, [[dict(one.modules), dict(one.weights), dict(one.libraries)] for one in found]]
+    facts = [
+        __version__,
+        _writer_digest(),
+        names,
+        [[dict(one.modules), dict(one.weights), dict(one.libraries)] for one in found],
+    ]
     return hashlib.sha256(canonical_json([repr(fact) for fact in facts]).encode()).hexdigest()
 
 

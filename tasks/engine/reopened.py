@@ -10,7 +10,7 @@ from humanmm.storage.run_folder.corrections_file import corrected
 from humanmm.storage.run_folder.run_record import read_run_record
 from humanmm.storage.store.codec import Json
 from humanmm.storage.store.identity import VideoIdentity, identify
-from humanmm.storage.store.open import open_store
+from humanmm.storage.store.open import open_store, open_store_of_run
 from humanmm.tasks.engine.plan import Forecast, forecast
 from humanmm.tasks.engine.run import VideoRun
 
@@ -22,7 +22,7 @@ def reopen(run_dir: Path, store: Path | None = None) -> tuple[dict[str, Any], Vi
     try:
         video, sha256 = Path(record["video"]["path"]), str(record["video"]["sha256"])
         config = corrected(validate(record["config"], origin=str(run_dir / "run.json")), run_dir, sha256=sha256)
-        artifacts = open_store(store or Path(record["store"]), read_only=True)
+        artifacts = open_store(store, read_only=True) if store else open_store_of_run(record["store"])
     except (KeyError, TypeError) as error:
         raise InputError(f"{run_dir / 'run.json'} lacks {error}; `humanmm recover` writes it anew") from None
     try:

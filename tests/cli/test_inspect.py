@@ -35,6 +35,13 @@ def test_status_tells_what_is_stale_and_why(finished: Any) -> None:
     assert stale["align"] in ("camera", "hmr")
 
 
+def test_explain_says_that_the_store_does_not_have_the_shots(finished: Any) -> None:
+    empty = str(finished.folder / "empty")
+    message = finished.main("explain", "runs/film", "camera", "--shot", "1", "--store", empty)[2]
+    assert message == f"humanmm: --shot 1: the store {empty} does not have the shots of this run\n"
+    assert finished.main("explain", "runs/film", "camera", "--shot", "3")[2].endswith("the video has 3 shots\n")
+
+
 def test_status_works_when_the_video_is_gone(finished: Any) -> None:
     finished.video.unlink()
     assert json.loads(finished.main("status", "runs/film", "--json")[1])["stages"][0]["state"] == "cached"

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Argument, Option
@@ -273,9 +273,9 @@ def _then(then: Then) -> int:
     from humanmm.tasks.engine.reopened import reopen
 
     folder = _folder.get()
-    record, run = reopen(folder, then.store)
+    _, run = reopen(folder, then.store)
     if then.recover:
-        store: Any = then.store or record["store"]
+        store = run.store.location
         return report(humanmm.recover(run.video.path, folder, config=run.config, store=store), then.store)
     for line in _plan(forecast(run)):
         write(line)

@@ -66,6 +66,8 @@ def explain(
     if shot is not None and run.stage(stage).per != "shot":
         raise UsageError(f"{stage} is not computed per shot; leave --shot out")
     entries = reopened.explain(record, run, stage, shot)
+    if not entries and shot is not None and shot < len(record["shots"]):
+        raise InputError(f"--shot {shot}: the store {run.store.location} does not have the shots of this run")
     if not entries:
         raise InputError(f"--shot {shot}: the video has {len(record['shots'])} shots")
     if json:

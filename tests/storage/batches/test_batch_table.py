@@ -219,7 +219,8 @@ def test_queries_over_all_batches(process: Process) -> None:
     table.change(rows[1], state="running")
     table.change(rows[2], flow_run="one")
     assert table.running_batches() == ["b"] and [row.video for row in table.unscheduled()] == ["/v/00003.mp4"]
-    assert table.finished({}) == {("/v/00000.mp4", "", ""): ("/r/0", "here")}
+    ((key, (run_dir, host, ended)),) = table.finished({}).items()
+    assert (key, run_dir, host) == (("/v/00000.mp4", "", ""), "/r/0", "here") and 0 <= time.time() - ended < 60
     assert list(table.last_changes()) == ["b"]
     assert counts(table.rows("b")) == {"scheduled": 2, "running": 1, "done": 1}
     assert [row.position for row in table.rows("b", "done", "running")] == [0, 1]
@@ -304,7 +305,7 @@ def test_the_file_of_an_earlier_version_is_converted_and_nothing_is_lost(tmp_pat
     assert (failed.state, failed.stage, failed.reason) == ("failed", "people", "no people")
     table = open_batches(tmp_path / "store")
     assert table.names() == ["new", "old"] and [row.batch for row in table.unscheduled()] == ["new"]
-    assert table.finished({}) == {("/v/a.mp4", "[1]", "abc"): ("/r/a", "")}
+    assert table.finished({}) == {("/v/a.mp4", "[1]", "abc"): ("/r/a", "", 150.0)}
 
 
 def test_a_writer_that_is_killed_leaves_all_or_nothing(tmp_path: Path) -> None:

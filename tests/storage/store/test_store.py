@@ -353,6 +353,33 @@ def test_what_is_replaced_or_written_while_it_is_verified_is_not_set_aside(
     assert store.find("toy", ref.key) is not None
 
 
+def test_verify_tells_what_is_damaged_in_a_store_that_it_may_only_read(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    manifest = _put(store)
+    _put(store, recipe=OTHER)
+    (store.files_of(manifest.ref) / "picture.png").write_bytes(b"pictures")
+
+    def refuse(*given: object) -> None:
+        raise StoreError("cannot lock it: permission denied")
+
+    monkeypatch.setattr(store, "try_lock", refuse)
+    found = {finding.uri: finding for finding in maintenance.verify(store, outputs={}, deep=False)}
+    assert len(found) == 2
+    damaged = found.pop(manifest.ref.uri)
+    assert "picture.png" in damaged.problem and "it stays where it is: cannot lock it" in damaged.problem
+    assert not damaged.damaged and [one.problem for one in found.values()] == [""]
+
+
+def test_gc_goes_on_where_another_was_killed(store: Store) -> None:
+    key = _put(store).recipe.key
+    left = store.root / "tmp" / f"{key}-removed" / "files"
+    left.mkdir(parents=True)
+    items = maintenance.removable(store, unused_days=-1, with_runs=True)
+    assert maintenance.remove(store, items) > 0
+    assert store.find("toy", key) is None
+
+
 def test_gc_lists_first_and_removes_only_what_is_unused(store: Store) -> None:
     kept, old = _put(store), _put(store, recipe=OTHER)
     marker = store.root / old.ref.uri / "COMMIT"

@@ -46,10 +46,10 @@ def _films(toy: Any, *names: str) -> Path:
 
 
 def _end(table: BatchTable, row: VideoRow, state: str, reason: str = "", stage: str | None = None) -> None:
-    assert table.change(row, state=state, reason=reason, stage=stage, seconds=2.0)
     if state in ("done", "partial"):
         Path(row.run_dir).mkdir(parents=True)
         Path(row.run_dir, "run.json").write_text("{}")
+    assert table.change(row, state=state, reason=reason, stage=stage, seconds=2.0)
 
 
 def test_the_same_batch_twice_schedules_nothing_new(toy: Any, table: BatchTable) -> None:
@@ -99,9 +99,9 @@ def test_a_new_video_a_changed_one_and_changed_settings_are_scheduled(toy: Any, 
     assert [(Path(row.video).name, row.attempt) for row in asked] == [("b.mp4", 2), ("new.mp4", 1)]
     assert len(_submit(toy, table, films, camera={"static": True}).to_schedule) == 3
     for row in table.rows("test"):
-        table.change(row, state="done")
         Path(row.run_dir).mkdir(exist_ok=True)
         Path(row.run_dir, "run.json").touch()
+        table.change(row, state="done")
     assert _submit(toy, table, films, camera={"static": True}, run={"threads": 1}).finished == 3, "same result"
 
 
@@ -139,15 +139,62 @@ def test_corrections_in_a_run_folder_make_its_video_be_computed_once_more(toy: A
     assert len(_submit(toy, table, films).to_schedule) == 1
 
 
-def test_a_video_that_recover_finished_is_not_scheduled_and_its_folder_is_written(toy: Any, table: BatchTable) -> None:
-    toy.run()
-    films = toy.folder / "films"
-    films.mkdir()
-    toy.video.rename(films / "film.mp4")
+def test_a_video_that_recover_finished_elsewhere_gets_its_folder_by_a_run_that_computes_nothing(
+    toy: Any, table: BatchTable
+) -> None:
+    films = _films(toy, "film.mp4")
     assert toy.main("recover", "films/film.mp4", "--out", "elsewhere")[0] == 0
-    submission = _submit(toy, table, films)
-    assert (submission.to_schedule, submission.finished) == ((), 1)
-    assert json.loads((toy.folder / "runs/film/run.json").read_text())["state"] == "done"
+    assert toy.executed()
+    (row,) = _submit(toy, table, films).to_schedule
+    assert toy.main("recover", row.video, "--out", row.run_dir)[0] == 0
+    assert not toy.executed()
+
+
+def test_a_run_folder_that_recover_wrote_with_other_settings_is_not_finished(toy: Any, table: BatchTable) -> None:
+    films = _films(toy, "a.mp4")
+    (row,) = _submit(toy, table, films).to_schedule
+    assert toy.main("recover", row.video, "--out", row.run_dir)[0] == 0
+    table.change(row, state="done")
+    assert _submit(toy, table, films).finished == 1
+    assert toy.main("recover", row.video, "--out", row.run_dir, "--camera.static", "true")[0] == 0
+    (noted,) = batches.with_notes(table, table.rows("test"))
+    (plan,) = batches.forecast_submission(table, "test", read_batch(films), Config(), toy.folder / "runs")
+    (again,) = _submit(toy, table, films).to_schedule
+    assert (noted.state, noted.reason) == ("done", "its run folder was written again since")
+    assert plan.sentence == "to do: its run folder was written again since"
+    assert toy.main("recover", row.video, "--out", row.run_dir)[0] == 0
+    table.change(again, state="done")
+    assert _submit(toy, table, films).finished == 1
+
+
+def test_what_recover_wrote_once_more_with_the_same_settings_is_finished(toy: Any, table: BatchTable) -> None:
+    films = _films(toy, "a.mp4")
+    (row,) = _submit(toy, table, films).to_schedule
+    assert toy.main("recover", row.video, "--out", row.run_dir)[0] == 0
+    table.change(row, state="done")
+    assert toy.main("recover", row.video, "--out", row.run_dir, "--force")[0] == 0
+    assert _submit(toy, table, films).finished == 1
+    assert [one.reason for one in batches.with_notes(table, table.rows("test"))] == [""]
+
+
+def test_a_file_changed_under_its_old_size_and_time_is_another_video_and_one_with_a_new_mode_is_not(
+    toy: Any, table: BatchTable
+) -> None:
+    films = _films(toy, "a.mp4")
+    (row,) = _submit(toy, table, films).to_schedule
+    assert toy.main("recover", row.video, "--out", row.run_dir)[0] == 0
+    table.change(row, state="done")
+    video = films / "a.mp4"
+    video.chmod(0o600)
+    assert _submit(toy, table, films).finished == 1
+    before = video.stat()
+    with video.open("r+") as file:
+        file.write(video.read_text().replace("40", "41"))
+    os.utime(video, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert (video.stat().st_size, video.stat().st_ino) == (before.st_size, before.st_ino)
+    (plan,) = batches.forecast_submission(table, "test", read_batch(films), Config(), toy.folder / "runs")
+    assert plan.state == "to do"
+    assert len(_submit(toy, table, films).to_schedule) == 1
 
 
 def test_what_recover_finished_as_the_batch_wants_it_is_known_by_one_record(

@@ -85,3 +85,14 @@ def test_a_folder_whose_writing_breaks_off_is_not_read_with_its_old_record(
     assert not finish.is_up_to_date(run, toy.folder / "out")
     finish.write_results(run, toy.folder / "out", started=time.time())
     assert read_run_record(toy.folder / "out")["state"] == "done" and finish.is_up_to_date(run, toy.folder / "out")
+
+
+def test_what_was_written_by_other_code_is_not_finished_by_its_recipe(
+    toy: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Exports of an earlier version stayed in the run folders of a batch that was submitted again."""
+    run = toy.run()
+    before = finish.code_of(run.stages, run.keys.code)
+    assert finish.code_of(run.stages, run.keys.code) == before
+    monkeypatch.setattr(finish, "_writer_digest", lambda: "of other code")
+    assert finish.code_of(run.stages, run.keys.code) != before

@@ -46,3 +46,14 @@ def test_a_moved_store_is_given_and_a_record_without_its_store_is_an_error(toy: 
     (run_dir / "run.json").write_text(json.dumps(record))
     with pytest.raises(InputError, match=r"run\.json lacks 'store'; `humanmm recover` writes it anew"):
         reopen(run_dir)
+
+
+def test_where_the_store_was_moved_the_users_own_is_looked_into_with_a_warning(
+    toy: Any, run_dir: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    moved = toy.store.rename(toy.folder / "moved")
+    monkeypatch.setenv("HUMANMM_STORE", str(moved))
+    record, run = reopen(run_dir)
+    assert {one["state"] for one in explain(record, run, "camera")} == {"cached"}
+    assert caplog.messages[0] == f"the run's store {toy.store} is not there; {moved} is looked into in its place"
+    assert not toy.store.exists()
