@@ -47,6 +47,8 @@ SIZE_SPREAD = 0.3
 RETURN_ODDS, RETURN_ODDS_PER_S = -1.5, -0.5
 """Log-odds that somebody who appears some time after another left is the same, before the clothes are compared: people
 who come in one after the other often dress alike, and one wrong join is worse than a new number."""
+AT_EDGE = 0.01
+"""Of the picture's longer side: a box so near to its edge touches it."""
 LINGER_S = 1.0
 """So long may a track go on where its person was (a jump was too fast for it) while he is followed anew elsewhere."""
 ONE_PLACE, TAKING_TURNS, FEWEST_TURNS = 0.08, 0.3, 5
@@ -135,11 +137,11 @@ def handed_over(track: TrackBuilder, others: Sequence[TrackBuilder]) -> int | No
     return where
 
 
-def joined(tracks: Sequence[TrackBuilder]) -> list[TrackBuilder]:
+def joined(tracks: Sequence[TrackBuilder], size: tuple[int, int]) -> list[TrackBuilder]:
     """Tracks that take turns on one body, joined; and those that do not overlap in time and look like one person's,
-    best pair first."""
+    best pair first. `size` is the picture's width and height, pixels."""
     pool = dict(enumerate(map(_Looks, without_doubles(tracks))))
-    odds = {(i, j): _continuation_odds(pool[i], pool[j]) for i in pool for j in pool if i != j}
+    odds = {(i, j): _continuation_odds(pool[i], pool[j], size) for i in pool for j in pool if i != j}
     while odds:
         first, second = max(odds, key=lambda pair: odds[pair])
         if odds[first, second] <= 0:
@@ -151,7 +153,7 @@ def joined(tracks: Sequence[TrackBuilder]) -> list[TrackBuilder]:
         odds = {pair: value for pair, value in odds.items() if first not in pair}
         for i, j in odds:
             if second in (i, j):
-                odds[i, j] = _continuation_odds(pool[i], pool[j])
+                odds[i, j] = _continuation_odds(pool[i], pool[j], size)
     return [one.track for one in pool.values()]
 
 
@@ -217,18 +219,21 @@ class _Looks:
         return bool(self._best_from[look] > 0) or elapsed_s(self.track.time_s, frame, last) > LINGER_S
 
 
-def _continuation_odds(a: _Looks, b: _Looks) -> float:
-    """Log-odds that b goes on where a ended; −∞ where b comes first, or a is still seen when b is."""
+def _continuation_odds(a: _Looks, b: _Looks, size: tuple[int, int]) -> float:
+    """Log-odds that b goes on where a ended; −∞ where b comes first, or a is still seen when b is; or where a has left
+    the picture, and b is within it from the first: whoever comes back is seen at an edge before."""
     start = b.frames[0]
     earlier = bisect_left(a.frames, start)
     if earlier == 0 or a.still_there(start):
         return -np.inf
     end = a.frames[earlier - 1]
+    before, after = a.track.rows[end], b.track.rows[start]
+    if _left(before, size) and not _touches_edge(after, size):
+        return -np.inf
     odds = _look_odds(a, b)
     gap_s = elapsed_s(a.track.time_s, end, start)
     if gap_s > SHORT_GAP_S:
         return odds + RETURN_ODDS + RETURN_ODDS_PER_S * (gap_s - SHORT_GAP_S)
-    before, after = a.track.rows[end], b.track.rows[start]
     reach = REACH_SIDES + REACH_SIDES_PER_S * gap_s
     odds += float(np.clip(4 * (1 - _apart(before, after) / reach), -PLACE_LIMIT, 3.0))
     return odds - abs(float(np.log(after.side / before.side))) / SIZE_SPREAD
@@ -237,6 +242,18 @@ def _continuation_odds(a: _Looks, b: _Looks) -> float:
 def _look_odds(a: _Looks, b: _Looks) -> float:
     """Log-odds that two tracks look like one person's."""
     return same_look_odds(a.colours, a.parts, b.colours, b.parts)
+
+
+def _left(row: Row, size: tuple[int, int]) -> bool:
+    """True where somebody's hips are beyond the edge of the picture: he has gone out of it."""
+    hips = row.keypoints[list(landmarks.HIPS), :2].mean(axis=0)
+    return bool((hips < 0).any() or (hips > size).any())
+
+
+def _touches_edge(row: Row, size: tuple[int, int]) -> bool:
+    """True where somebody's box reaches the edge of the picture."""
+    margin = AT_EDGE * max(size)
+    return bool((row.bbox[:2] < margin).any() or (row.bbox[2:] > np.array(size) - margin).any())
 
 
 def _apart(a: Row, b: Row) -> float:
