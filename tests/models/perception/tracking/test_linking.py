@@ -96,6 +96,15 @@ def test_who_runs_out_of_the_picture_is_nobody_who_is_found_within_it() -> None:
     assert spans(joined([track(range(0, 30), 1250, RED), track(range(40, 70), 1200, RED)])) == [(0, 69)]
 
 
+def test_in_a_crowd_in_the_same_clothes_who_is_found_too_far_away_is_another() -> None:
+    walker, near, far = (
+        track(frames, x, RED) for frames, x in ((range(0, 30), 300), (range(39, 70), 340), (range(39, 70), 470))
+    )
+    crowd = [track(range(0, 90), 900 + 40 * k, BLUE) for k in range(8)]
+    assert len(joined([walker, near, *crowd])) == 9  # 0.2 sides of his region in 0.3 s
+    assert len(joined([walker, far, *crowd])) == 10  # 0.85
+
+
 def test_tracks_that_take_turns_on_one_body_are_one() -> None:
     def by_turns(other_x: float, colours: np.ndarray) -> list[TrackBuilder]:
         first, second = track(range(0, 60), 300, RED), track(range(20, 60), other_x, colours)
