@@ -235,12 +235,12 @@ def _continuation_odds(a: _Looks, b: _Looks, size: tuple[int, int]) -> float:
     earlier = bisect_left(a.frames, start)
     if earlier == 0 or a.still_there(start):
         return -np.inf
-    end = a.frames[earlier - 1]
-    if a.frames[-1] > start:
-        end = a.confirmed(end)
-    before, after = a.track.rows[end], b.track.rows[start]
-    if _left(before, size) and not _touches_edge(after, size):
+    end, after = a.frames[earlier - 1], b.track.rows[start]
+    if _left(a.track.rows[end], size) and not _touches_edge(after, size):
         return -np.inf
+    if a.frames[-1] > start:  # it lingers
+        end = a.confirmed(end)
+    before = a.track.rows[end]
     odds = _look_odds(a, b)
     gap_s = elapsed_s(a.track.time_s, end, start)
     if gap_s > SHORT_GAP_S:
