@@ -32,6 +32,8 @@ _COLUMNS_PX = 400
 """About as many columns are looked at, or twice as many."""
 _MOVES = 10
 """Gray levels by which a pixel differs from the next picture where something moves."""
+_ONE_FIELD_PX = 240
+"""Rows of one field of the smallest interlaced standard (480i): a picture so low is one field, or was made smaller."""
 _LEAST_MOVING = 200
 """Samples that must move before two pictures say anything: with 50, 4 % of whole pictures seem to be woven."""
 _LEAST_LEAD = 0.05
@@ -66,6 +68,8 @@ class FieldSearch:
 
     def look(self, picture: VideoFrame) -> None:
         """Take the next picture into account."""
+        if picture.height <= _ONE_FIELD_PX:
+            return
         turn = self._number % _EVERY
         self._number += 1
         self._marked |= picture.interlaced_frame

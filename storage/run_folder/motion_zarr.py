@@ -4,6 +4,7 @@ A zarr v3 group with crc32c on every array. It is written beside its final place
 sees the old recording or the new one, never a half-written one.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +90,7 @@ def write_motion(path: Path, recording: Recording) -> None:
                 for field, dtype in _HAND_ARRAYS.items():
                     _put(group, f"{name}/{field}", getattr(person, field), dtype)
                 group[f"{name}/hand_pose"].attrs["joint_names"] = list(FINGER_NAMES)
+            group[name].attrs["hands"] = person.hand_pose is not None
             group[name].attrs["probability"] = person.probability
             group[name].attrs["world"] = world_of_person(recording, person)
             array = group[f"{name}/keypoints2d"]
@@ -116,7 +118,7 @@ def read_motion(path: Path) -> Recording:
             RecordedPerson(
                 person=n,
                 **{field: _get(group, f"people/{n:02d}/{field}") for field in _PERSON_ARRAYS},
-                **{field: _get(group, f"people/{n:02d}/{field}") for field in _HAND_ARRAYS if _has(group, n, field)},
+                **{field: _get(group, f"people/{n:02d}/{field}") for field in _hand_arrays(group, n)},
                 probability=float(group[f"people/{n:02d}"].attrs.get("probability", 1.0)),  # type: ignore[arg-type]
             )
             for n in numbers
@@ -186,8 +188,12 @@ def _put(group: zarr.Group, key: str, values: np.ndarray, dtype: str) -> None:
     )
 
 
-def _has(group: zarr.Group, person: int, field: str) -> bool:
-    return f"people/{person:02d}/{field}" in group
+def _hand_arrays(group: zarr.Group, person: int) -> Iterable[str]:
+    """Those that somebody has. An earlier version did not say who has hands: there, those that are found."""
+    name = f"people/{person:02d}"
+    found = [field for field in _HAND_ARRAYS if f"{name}/{field}" in group]
+    hands = group[name].attrs.get("hands")
+    return found if hands is None else (_HAND_ARRAYS if hands else ())
 
 
 def _get(group: zarr.Group, key: str) -> np.ndarray:

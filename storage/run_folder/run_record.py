@@ -455,7 +455,7 @@ def _fallbacks(shots: ShotList, motion: WorldMotion | None) -> list[str]:
     if motion is None:
         return []
     return [
-        f"shot {shot.index}: the camera is a fallback (source 4)"
+        f"shot {shot.index}: how the camera moves is not known, and a guess is given (`cameras/source` 4, fallback)"
         for shot in shots.shots
         if (motion.camera_source[shot.start : shot.end] == 4).any()
     ]

@@ -9,7 +9,7 @@ from dataclasses import replace
 from itertools import compress
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.perception.clothing import clothing_histogram, colour_distance
@@ -40,11 +40,12 @@ from humanmm.models.perception.tracking.track_builder import (
 from humanmm.models.records import landmarks
 from humanmm.models.records.shots import DOUBTFUL, Unfollowed
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
-from humanmm.models.video.frame_times import elapsed_s, nearest_frame, sampled_every
+from humanmm.models.video.frame_times import elapsed_s, nearest_frame, sampled_every, shown_s
 
 Array = np.ndarray
 
-SEARCH_PERIOD_S = 0.33
+SEARCH_PERIOD_S, FEWEST_SEARCHES = 0.33, 4
+"""How often everybody is looked for; in a scene so short that it would be more rarely, the second many times."""
 CLOSER_EVERY = 3
 """Every third search looks for people behind those seen, and if nobody is seen or somebody was lost, also at enlarged
 parts of the frame."""
@@ -91,13 +92,15 @@ class SceneTracker:
         self._max_people = max_people
         self._tracks: list[TrackBuilder] = []
         self._recent: deque[tuple[int, Picture]] = deque()
-        self._search_due = sampled_every(time_s[start:end], SEARCH_PERIOD_S)
+        self._size = (0, 0)
+        self._search_due = search_due(time_s[start:end])
         self._hands_due = due_frames(time_s[:end]) if hands else None
         self._searches = 0
         self._overlooked = Overlooked(time_s, max_people)
 
     def step(self, frame: int, image: Picture) -> None:
         """Look at one frame."""
+        self._size = image.size
         self._keep(frame, image)
         seen = self._follow(frame, image)
         if self._search_due[frame - self._start]:
@@ -106,7 +109,7 @@ class SceneTracker:
     def finish(self) -> ScenePeople:
         """All tracks of the scene, largest first."""
         shortest_s = shortest_track_s(self._time_s, (self._start, self._end))
-        people = joined(untangled(self._tracks))
+        people = joined(untangled(self._tracks), self._size)
         tracks = largest_first(finished(track) for track in people if track.seen_s >= shortest_s)
         return ScenePeople(self._start, self._end, tracks, unfollowed=self._overlooked.finished())
 
@@ -296,6 +299,15 @@ class SceneTracker:
             track.add(earlier, looked)
             track.look_at_hands(earlier, image, self._hands_due)
         track.last, track.last_frame = found, frame
+
+
+def search_due(time_s: Float[Array, " F"]) -> Bool[Array, " F"]:
+    """In which frames of a scene everybody is looked for: about every SEARCH_PERIOD_S, FEWEST_SEARCHES times or more,
+    and in the last one, from which whoever has just come is followed back."""
+    scene_s = float(shown_s(time_s, np.arange(len(time_s))).sum())
+    due = sampled_every(time_s, min(SEARCH_PERIOD_S, scene_s / FEWEST_SEARCHES))
+    due[-1] = True
+    return due
 
 
 def finished(track: TrackBuilder) -> PersonTrack:

@@ -20,14 +20,14 @@ from humanmm.models.video.reading import read_facts
 Clip = Callable[..., io.BytesIO]
 
 FINE = {"crf": "4"}
-NUM, WIDTH, HEIGHT = 30, 160, 128
+NUM, WIDTH, HEIGHT = 30, 160, 256
 
 
 def _moment(time: float) -> np.ndarray:
     """A smooth picture with a disc that goes back and forth; `time` in frames of the interlaced video."""
     y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
-    picture = np.stack([60 + 0.5 * x, 190 - 0.4 * y, 80 + 0.2 * x + 0.3 * y], axis=-1)
-    picture[np.hypot(x - 80 - 40 * np.sin(time / 4), y - 60) < 36] = (230, 40, 60)
+    picture = np.stack([60 + 0.5 * x, 190 - 0.2 * y, 80 + 0.2 * x + 0.15 * y], axis=-1)
+    picture[np.hypot(x - 80 - 40 * np.sin(time / 4), y / 2 - 60) < 36] = (230, 40, 60)
     return np.asarray(cv2.GaussianBlur(picture, (0, 0), 2.0).round(), np.uint8)
 
 
@@ -171,6 +171,13 @@ def test_a_mark_that_nothing_moving_confirms_is_doubtful(clip: Clip) -> None:
     facts = read_facts(_film(clip, [_moment(0)] * NUM, options=_marked("top")))
     assert facts.first_field is None and len(facts.warnings) == 1 and "too little moves" in facts.warnings[0]
     assert read_facts(_film(clip, [_moment(0)] * NUM)).warnings == ()
+
+
+def test_a_picture_no_higher_than_a_field_is_whole() -> None:
+    search = FieldSearch()
+    for picture in _woven():
+        search.look(av.VideoFrame.from_ndarray(np.ascontiguousarray(picture[:240]), "rgb24"))
+    assert search.found() == (None, []) and not search.votes
 
 
 def test_noise_and_fine_stripes_are_no_fields() -> None:

@@ -22,7 +22,7 @@ RECORD: dict[str, Any] = {
     ],
     "people": [{"person": 0, "shots": [0], "start": 0, "end": 60, "observed_frames": 55}],
     "failures": [{"stage": "camera", "unit": "shot 1", "shot": 1, "reason": "no | points"}],
-    "fallbacks": ["shot 1: the camera is a fallback (source 4)"],
+    "fallbacks": ["shot 1: how the camera moves is not known, and a guess is given (`cameras/source` 4, fallback)"],
     "warnings": [f"hmr: warning {number}" for number in range(30)],
     "stages": [
         {"stage": "camera", "unit": "shot 0", "state": "computed", "reason": "", "seconds": 1.5},

@@ -180,3 +180,10 @@ def test_hands_are_stored_with_the_names_of_their_joints_and_come_back(tmp_path:
     for found, person in zip(again.people, hands.people, strict=True):
         np.testing.assert_array_equal(found.hand_pose, person.hand_pose)
         np.testing.assert_array_equal(found.hand_confidence, person.hand_confidence)
+
+
+def test_hands_that_are_missing_are_an_error_and_nobody_without_hands(tmp_path: Path, recording: Recording) -> None:
+    write_motion(tmp_path / "motion.zarr", with_hands(recording))
+    shutil.rmtree(tmp_path / "motion.zarr/people/00/hand_pose")
+    with pytest.raises(InputError, match="damaged"):
+        read_motion(tmp_path / "motion.zarr")

@@ -8,12 +8,14 @@ import numpy as np
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
 from humanmm.models.perception.observation import Observation
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.tracking.linking import joined, untangled
+from humanmm.models.perception.tracking import linking
+from humanmm.models.perception.tracking.linking import untangled
 from humanmm.models.perception.tracking.track_builder import TrackBuilder
 from humanmm.models.records.landmarks import HIPS
 
 TIME_S = np.arange(500) / 30
 UNSEEN = np.full((9, 3), np.nan)
+SIZE = (1280, 720)
 RED, BLUE = np.eye(HISTOGRAM_BINS)[3], np.eye(HISTOGRAM_BINS)[17]
 
 
@@ -46,6 +48,10 @@ def in_parts(track: TrackBuilder, parts: np.ndarray) -> TrackBuilder:
     return track
 
 
+def joined(tracks: list[TrackBuilder]) -> list[TrackBuilder]:
+    return linking.joined(tracks, SIZE)
+
+
 def spans(tracks: list[TrackBuilder]) -> list[tuple[int, int]]:
     return sorted((min(t.rows), max(t.rows)) for t in tracks)
 
@@ -76,6 +82,27 @@ def test_a_track_that_lingers_where_its_person_was_ends_where_he_is_found_again(
 
 def test_whoever_enters_long_after_another_left_is_a_new_person() -> None:
     assert len(joined([track(range(0, 30), 300, RED), track(range(400, 430), 300, RED)])) == 2
+
+
+def test_who_runs_out_of_the_picture_is_nobody_who_is_found_within_it() -> None:
+    def gone() -> TrackBuilder:
+        left = track(range(0, 29), 1250, RED)
+        left.add(29, seen_at(1290))
+        return left
+
+    assert len(joined([gone(), track(range(40, 70), 1200, RED)])) == 2
+    assert len(joined([gone(), track(range(80, 110), 1200, RED)])) == 2
+    assert spans(joined([gone(), track(range(40, 70), 1250, RED)])) == [(0, 69)]  # first seen at the edge: he came back
+    assert spans(joined([track(range(0, 30), 1250, RED), track(range(40, 70), 1200, RED)])) == [(0, 69)]
+
+
+def test_in_a_crowd_in_the_same_clothes_who_is_found_too_far_away_is_another() -> None:
+    walker, near, far = (
+        track(frames, x, RED) for frames, x in ((range(0, 30), 300), (range(39, 70), 340), (range(39, 70), 470))
+    )
+    crowd = [track(range(0, 90), 900 + 40 * k, BLUE) for k in range(8)]
+    assert len(joined([walker, near, *crowd])) == 9  # 0.2 sides of his region in 0.3 s
+    assert len(joined([walker, far, *crowd])) == 10  # 0.85
 
 
 def test_tracks_that_take_turns_on_one_body_are_one() -> None:

@@ -11,7 +11,7 @@ from quick_networks import QUICK
 from humanmm.models.perception.interfaces import Detection, Landmarks, Networks
 from humanmm.models.perception.picture import Picture
 from humanmm.models.perception.regions import Region
-from humanmm.models.perception.tracking.tracker import track_pictures
+from humanmm.models.perception.tracking.tracker import search_due, track_pictures
 from humanmm.models.records import landmarks
 from humanmm.models.records.tracks import ScenePeople
 from humanmm.models.video.frames import planar_frames
@@ -48,6 +48,12 @@ def _of_planes(image: Picture, rows: slice, columns: slice) -> Picture:
 @lru_cache(maxsize=1)
 def scene() -> ScenePeople:
     return track_pictures(pictures(), start=SCENE[0], end=SCENE[1], time_s=TIME_S, size=(720, 1280), max_people=3)
+
+
+def test_everybody_is_looked_for_every_third_of_a_second_and_more_often_in_a_short_scene() -> None:
+    assert np.flatnonzero(search_due(np.arange(61) / 30)).tolist() == [0, 10, 20, 30, 40, 50, 60]
+    assert np.flatnonzero(search_due(np.arange(16) / 25)).tolist() == [0, 4, 8, 12, 15]
+    assert search_due(np.array([0.4])).tolist() == [True]
 
 
 def test_the_main_person_is_followed_through_every_frame() -> None:
