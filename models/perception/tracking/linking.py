@@ -1,7 +1,7 @@
 """Tracks of one scene put right at its end: split where they went on to somebody else, joined where one person did."""
 
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -141,11 +141,9 @@ def handed_over(track: TrackBuilder, others: Sequence[TrackBuilder]) -> int | No
 
 def joined(tracks: Sequence[TrackBuilder], size: tuple[int, int]) -> list[TrackBuilder]:
     """Tracks that take turns on one body, joined; and those that do not overlap in time and look like one person's,
-    best pair first. Of n tracks, any of n - 1 may be who another one shows. `size` is the picture's width and height,
-    pixels."""
+    best pair first. `size` is the picture's width and height, pixels."""
     pool = dict(enumerate(map(_Looks, without_doubles(tracks))))
-    others = float(np.log(max(len(pool) - 1, 1)))
-    odds = {(i, j): _continuation_odds(pool[i], pool[j], size) - others for i in pool for j in pool if i != j}
+    odds = {(i, j): _join_odds(pool, i, j, size) for i in pool for j in pool if i != j}
     while odds:
         first, second = max(odds, key=lambda pair: odds[pair])
         if odds[first, second] <= 0:
@@ -157,8 +155,22 @@ def joined(tracks: Sequence[TrackBuilder], size: tuple[int, int]) -> list[TrackB
         odds = {pair: value for pair, value in odds.items() if first not in pair}
         for i, j in odds:
             if second in (i, j):
-                odds[i, j] = _continuation_odds(pool[i], pool[j], size) - others
+                odds[i, j] = _join_odds(pool, i, j, size)
     return [one.track for one in pool.values()]
+
+
+def _join_odds(pool: Mapping[int, "_Looks"], first: int, second: int, size: tuple[int, int]) -> float:
+    """Log-odds that one of many goes on as another: any of those who are lost by then, or are found from then on, may
+    be the one."""
+    a, b = pool[first], pool[second]
+    odds = _continuation_odds(a, b, size)
+    if odds == -np.inf:
+        return odds
+    start = b.frames[0]
+    end = a.frames[bisect_left(a.frames, start) - 1]
+    lost = sum(one.frames[0] < start and not one.still_there(start) for one in pool.values())
+    found = sum(one.frames[0] > end for one in pool.values())
+    return odds - float(np.log(max(lost, found)))
 
 
 def without_doubles(tracks: Sequence[TrackBuilder]) -> list[TrackBuilder]:
