@@ -250,7 +250,7 @@ def _continuation_odds(a: _Looks, b: _Looks, size: tuple[int, int]) -> float:
     end, after = a.frames[earlier - 1], b.track.rows[start]
     if _left(a.track.rows[end], size) and not _touches_edge(after, size):
         return -np.inf
-    if a.frames[-1] > start:  # it lingers
+    if a.frames[-1] >= start:  # it lingers
         end = a.confirmed(end)
     before = a.track.rows[end]
     odds = _look_odds(a, b)
