@@ -164,7 +164,7 @@ def _join_odds(pool: Mapping[int, "_Looks"], first: int, second: int, size: tupl
     be the one."""
     a, b = pool[first], pool[second]
     odds = _continuation_odds(a, b, size)
-    if odds == -np.inf:
+    if odds <= 0:  # no join, however few they are
         return odds
     start = b.frames[0]
     end = a.frames[bisect_left(a.frames, start) - 1]

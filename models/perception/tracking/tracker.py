@@ -45,7 +45,7 @@ from humanmm.models.video.frame_times import elapsed_s, nearest_frame, sampled_e
 Array = np.ndarray
 
 SEARCH_PERIOD_S, FEWEST_SEARCHES = 0.33, 4
-"""How often everybody is looked for; in a scene so short that it would be more rarely, the second many times."""
+"""Everybody is looked for about so often, and at least so many times in a scene."""
 CLOSER_EVERY = 3
 """Every third search looks for people behind those seen, and if nobody is seen or somebody was lost, also at enlarged
 parts of the frame."""
