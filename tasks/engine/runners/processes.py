@@ -26,6 +26,12 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
 
+START_LIMIT_S = 300.0
+"""How long a child may take until it can compute, in seconds; far more than a slow disk needs to load the code."""
+READY = "ready"
+"""What a child sends when it can compute."""
+
+
 class Children:
     """`runner.Workers` that are child processes: as many as the units of one video that compute at the same time."""
 
@@ -95,10 +101,13 @@ class _Child:
             )  # fmt: skip
         self._connection = Connection(ours.detach())
         self._connection.send(setting)
+        self._ready = False
 
     def compute(self, job: Job, label: str, limit_s: float | None, progress: Progress) -> Result:
-        deadline = None if limit_s is None else time.monotonic() + limit_s
+        """Compute `job`; its limit does not count the time in which the child itself starts."""
         try:
+            self._wait_until_ready(label, progress)
+            deadline = None if limit_s is None else time.monotonic() + limit_s
             self._connection.send(job)
             while True:
                 left = None if deadline is None else max(0.0, deadline - time.monotonic())
@@ -115,6 +124,16 @@ class _Child:
                 receive(message, progress)
         except (EOFError, OSError) as error:
             raise ResourceError(f"{label}: its process was lost: {self._how_it_ended()}") from error
+
+    def _wait_until_ready(self, label: str, progress: Progress) -> None:
+        while not self._ready:
+            if not self._connection.poll(START_LIMIT_S):
+                raise ResourceError(f"{label}: its process did not start within {START_LIMIT_S:g} s")
+            message = self._connection.recv()
+            if message == READY:
+                self._ready = True
+            else:
+                receive(message, progress)
 
     def kill(self) -> None:
         """Close the connection, then kill it and the processes that it has started."""
@@ -158,6 +177,7 @@ def main(descriptor: int) -> None:
     setting: Setting = connection.recv()
     executor = setting.open()
     executor.listen(lambda unit, done, total: send((done, total)))
+    send(READY)
     jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(connection, jobs), daemon=True).start()
     while True:

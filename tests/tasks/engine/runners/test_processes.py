@@ -98,6 +98,22 @@ def test_a_stage_over_its_limit_is_really_ended_and_the_others_go_on(toy: Any, m
     assert toy.executed() == ["align", "camera:20", "deliver", "hmr:20", "refine"], "its lock was freed at once"
 
 
+def test_the_start_of_a_process_does_not_count_in_a_limit(
+    toy: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    slow = tmp_path / "slow_python"
+    slow.write_text(f'#!/bin/sh\nsleep 4\nexec {sys.executable} "$@"\n')
+    slow.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(slow))
+    run = toy.open(run={"isolate": True, "stages": {"decode": {"limit_s": 3}}})
+    with monkeypatch.context() as impatient:
+        impatient.setattr("humanmm.tasks.engine.runners.processes.START_LIMIT_S", 1.0)
+        with pytest.raises(ResourceError, match="decode: its process did not start within 1 s"):
+            run.execute(run.unit("decode"))
+    assert run.execute(run.unit("decode")).state == "computed", "its limit begins when it can compute"
+    run.close()
+
+
 def test_a_killed_child_costs_one_attempt_of_one_unit(toy: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TOY_SLEEP", "people:20=30")
     run = toy.open(run={"isolate": True})
