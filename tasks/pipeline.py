@@ -131,7 +131,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "deliver", "video", ("decode", "people", "shots", "align", "refine"), ("deliver",),
         "humanmm.models.records.recording:Delivery",
-        schema_version=5, reads_video=True, resources=_memory(60, 20, 10),
+        schema_version=6, reads_video=True, resources=_memory(60, 20, 10),
     ),
 )  # fmt: skip
 

@@ -15,7 +15,7 @@ from humanmm.models.geometry.boxes import box_iou
 from humanmm.models.geometry.intervals import in_intervals
 from humanmm.models.records.shots import Shot
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
-from humanmm.models.shots.identity import Sighting, answer_probabilities, match, sighting
+from humanmm.models.shots.identity import Sighting, answers_of, match, sighting
 
 Array = np.ndarray
 
@@ -119,14 +119,14 @@ def linked(pair: CutPair) -> PairFigures:
     before = [[replace(one.sighting, shot=0)] for one in pair.before.people]
     after = [replace(one.sighting, shot=1) for one in pair.after.people]
     answers = match(before, after)
-    sure = answer_probabilities(dict(enumerate(before)), {known: after[new] for known, new in answers.items()})
+    sure = answers_of(dict(enumerate(before)), {known: after[new] for known, new in answers.items()})
     made = []
     for known, new in answers.items():
         if known >= len(before):
             continue
         a, b = pair.before.people[known].who, pair.after.people[new].who
         if a is not None or b is not None:
-            made.append(Link(sure[known], a == b))
+            made.append(Link(sure[known].probability, a == b))
     there = [{one.who for one in view.people} - {None} for view in (pair.before, pair.after)]
     return PairFigures(pair.unrelated, len(there[0] & there[1]), tuple(made))
 

@@ -18,7 +18,7 @@ from humanmm.models.records.motion import PersonMotion, WorldMotion
 from humanmm.models.records.recording import CONTACT_JOINTS, Guesses, IdentityGuess, OffFloor, RecordedPerson, Recording
 from humanmm.models.records.shots import ShotList
 from humanmm.models.records.tracks import ScenePeople
-from humanmm.models.shots.identity import identity_probabilities
+from humanmm.models.shots.identity import identity_answers
 from humanmm.models.video.frame_times import shown_s
 
 Array = np.ndarray
@@ -92,5 +92,5 @@ def identity_guesses(
 ) -> list[IdentityGuess]:
     """For everybody in each shot after the first in which anybody is seen: how sure it is that he is who he is said to
     be."""
-    found = identity_probabilities(shot_list.shots, scenes, time_s)
-    return [IdentityGuess(person, shot, probability) for (person, shot), probability in found.items()]
+    found = identity_answers(shot_list.shots, scenes, time_s)
+    return [IdentityGuess(person, shot, one.probability, one.other) for (person, shot), one in found.items()]

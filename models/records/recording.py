@@ -147,6 +147,8 @@ class IdentityGuess:
     shot: int
     probability: float
     """From clothes and the pose at the cut, against the best other answer."""
+    other: int | None = None
+    """That answer: another person's number, or nobody who was seen before."""
 
 
 @dataclass(frozen=True)

@@ -75,6 +75,16 @@ class Cast:
 
 
 @dataclass(frozen=True)
+class Answer:
+    """Who somebody in a shot is said to be."""
+
+    probability: float
+    """That it is right, against the best other answer."""
+    other: int | None
+    """That answer: another person's number, or nobody known."""
+
+
+@dataclass(frozen=True)
 class Sighting:
     """One track inside one shot."""
 
@@ -246,10 +256,11 @@ def same_person_odds(person: Sequence[Sighting], new: Sighting) -> float:
     return odds
 
 
-def identity_probabilities(
+def identity_answers(
     shots: Sequence[Shot], scenes: Sequence[ScenePeople | None], time_s: Float[np.ndarray, " F"]
-) -> dict[tuple[int, int], float]:
-    """By person and shot, of every shot after the first in which anybody is seen: that he is who he is said to be.
+) -> dict[tuple[int, int], Answer]:
+    """By person and shot, of every shot after the first in which anybody is seen: how sure it is that he is who he is
+    said to be.
 
     `scenes`: None where the detector failed.
     """
@@ -264,13 +275,13 @@ def identity_probabilities(
             and (view := sighting(shot.index, shot, one.track, scene.track_of(one), time_s)) is not None
         }
         if known:
-            found.update({(new, shot.index): p for new, p in answer_probabilities(known, seen).items()})
+            found.update({(new, shot.index): answer for new, answer in answers_of(known, seen).items()})
         for person, view in seen.items():
             known.setdefault(person, []).append(view)
     return found
 
 
-def answer_probabilities(known: Mapping[int, Sequence[Sighting]], seen: Mapping[int, Sighting]) -> dict[int, float]:
+def answers_of(known: Mapping[int, Sequence[Sighting]], seen: Mapping[int, Sighting]) -> dict[int, Answer]:
     """For everybody seen in a shot, by number: that he is the one of this number, or nobody known if there is none.
 
     From the log-odds of this answer against the best other one.
@@ -280,25 +291,25 @@ def answer_probabilities(known: Mapping[int, Sequence[Sighting]], seen: Mapping[
         for person, sightings in known.items()
         for new, view in seen.items()
     }
-    return {new: float(expit(_margin(new, seen, known, odds))) for new in seen}
+    return {new: _answer(new, seen, known, odds) for new in seen}
 
 
-def _margin(
+def _answer(
     new: int,
     seen: Mapping[int, Sighting],
     known: Mapping[int, Sequence[Sighting]],
     odds: Mapping[tuple[int, int], float],
-) -> float:
-    """Log-odds of the answer for somebody in a shot against the best other one: that he is new, or somebody else, who
-    would then be he if he is seen in the shot as well."""
+) -> Answer:
+    """The answer for somebody in a shot against the best other one: that he is new, or somebody else, who would then be
+    he if he is seen in the shot as well."""
     own = odds.get((new, new), 0.0)  # 0: nobody who was known
-    others = [0.0] if new in known else []
+    others: dict[int | None, float] = {None: 0.0} if new in known else {}
     for person in known.keys() - {new}:
+        others[person] = odds[person, new]
         if person in seen:
-            others.append(odds[person, new] + max(0.0, odds.get((new, person), 0.0)) - odds[person, person])
-        else:
-            others.append(odds[person, new])
-    return own - max(others, default=-np.inf)
+            others[person] += max(0.0, odds.get((new, person), 0.0)) - odds[person, person]
+    best = max(others, key=lambda other: others[other])
+    return Answer(float(expit(own - others[best])), best)
 
 
 def pose_residual_m(a: Float[np.ndarray, "33 3"], b: Float[np.ndarray, "33 3"]) -> float:

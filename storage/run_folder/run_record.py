@@ -19,7 +19,7 @@ from humanmm.storage.store.locks import FileLock
 
 if TYPE_CHECKING:  # importing it loads the numerical libraries, which `status` does not need
     from humanmm.models.records.camera import Intrinsics, ShotCamera
-    from humanmm.models.records.recording import Guesses
+    from humanmm.models.records.recording import Guesses, IdentityGuess
 
 SCHEMA = "humanmm.run/1"
 OTHER_VIDEO = "it was written for another video"
@@ -136,7 +136,7 @@ def run_record(  # noqa: PLR0913 (one a section of run.json)
         "warnings": [
             *_misfits(corrections),
             *_warnings(stages),
-            *_doubts(intrinsics, guesses, corrections),
+            *_doubts(intrinsics, guesses, corrections, shots),
             *_unlikely_heights(people),
             *fallbacks,
         ],
@@ -413,7 +413,7 @@ DOUBTFUL_IDENTITY = 0.7
 
 
 def _doubts(
-    intrinsics: "Intrinsics", guesses: "Guesses | None", corrections: Sequence[CorrectionRecord]
+    intrinsics: "Intrinsics", guesses: "Guesses | None", corrections: Sequence[CorrectionRecord], shots: ShotList
 ) -> Iterator[str]:
     """A warning for each guess that is doubtful, unless the user gave it."""
     from humanmm.models.records.camera import is_doubtful_focal
@@ -444,10 +444,23 @@ def _doubts(
     if not _applied(corrections, "same-person", "swap"):
         for one in guesses.identities:
             if one.probability < DOUBTFUL_IDENTITY:
-                yield (
-                    f"shots: person {one.person} in shot {one.shot} may be somebody else than it says (probability "
-                    f"{one.probability:.2f} that it is right)"
-                )
+                yield _identity_doubt(one, shots)
+
+
+def _identity_doubt(one: "IdentityGuess", shots: ShotList) -> str:
+    """A warning that somebody in a shot may be somebody else, who that may be, and the command that says so."""
+    if one.other is None:
+        other, command = "somebody who was not seen before", ""
+    else:
+        other, (low, high) = f"person {one.other}", sorted((one.person, one.other))
+        together = any({low, high} <= {a.person for a in shot.people} for shot in shots.shots)
+        shot = shots.shots[one.shot]
+        command = f"swap {low} {high} --from {shot.start} --to {shot.end}" if together else f"same-person {low} {high}"
+    cure = f": if so, `humanmm correct RUN {command}`" if command else ""
+    return (
+        f"shots: person {one.person} in shot {one.shot} may be {other} (probability {one.probability:.2f} that it is "
+        f"not){cure}"
+    )
 
 
 def _fallbacks(shots: ShotList, motion: WorldMotion | None) -> list[str]:

@@ -28,7 +28,7 @@ from humanmm.models.motion.rotations.shot_graph import (
 from humanmm.models.motion.rotations.shot_results import ShotResults, camera_of, usable
 from humanmm.models.motion.rotations.shot_rotations import ShotRotations, solve_rotations
 from humanmm.models.motion.rotations.walls import wall_edges, walls_of
-from humanmm.models.shots.identity import identity_probabilities
+from humanmm.models.shots.identity import identity_answers
 from humanmm.models.video.progress import Progress
 
 Array = np.ndarray
@@ -98,7 +98,8 @@ def _edges_of_people(
     """By people seen on both sides of a cut (silent where they are no witnesses: they connect shots all the same), and
     by where they stand to one another."""
     linked = [edge for edge in cuts if edge.cut.linked]
-    identities = identity_probabilities(results.shots.shots, results.scenes, results.time_s)
+    answers = identity_answers(results.shots.shots, results.scenes, results.time_s)
+    identities = {who: answer.probability for who, answer in answers.items()}
     from_people = [one for edge in linked for one in people_edges(results, edge, identities)]
     if "people" not in witnesses:
         from_people = [edge.silent() for edge in from_people]

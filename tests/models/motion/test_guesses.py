@@ -98,17 +98,21 @@ def test_who_stands_and_not_on_the_floor_is_told(rise_m: float, told: bool) -> N
 @pytest.mark.parametrize(
     ("odds", "people", "message"),
     [
-        ({(0, 0): 3.0}, ((0,), (0,)), {(0, 1): 3.0}),  # against being new
-        ({(0, 1): -2.0}, ((0,), (1,)), {(1, 1): 2.0}),  # new, against being person 0
-        ({(0, 0): 3.0, (1, 1): 3.0, (0, 1): 2.5, (1, 0): 2.5}, ((0, 1), (0, 1)), {(0, 1): 1.0, (1, 1): 1.0}),  # a swap
-        ({(0, 0): 3.0, (1, 0): 2.0}, ((0, 1), (0,)), {(0, 1): 1.0}),  # person 1 is not seen: it may be he
+        ({(0, 0): 3.0}, ((0,), (0,)), {(0, 1): (3.0, None)}),  # against being new
+        ({(0, 1): -2.0}, ((0,), (1,)), {(1, 1): (2.0, 0)}),  # new, against being person 0
+        (
+            {(0, 0): 3.0, (1, 1): 3.0, (0, 1): 2.5, (1, 0): 2.5},
+            ((0, 1), (0, 1)),
+            {(0, 1): (1.0, 1), (1, 1): (1.0, 0)},
+        ),  # a swap
+        ({(0, 0): 3.0, (1, 0): 2.0}, ((0, 1), (0,)), {(0, 1): (1.0, 1)}),  # person 1 is not seen: it may be he
     ],
 )
 def test_an_identity_is_as_sure_as_it_is_better_than_the_best_other_answer(
     monkeypatch: pytest.MonkeyPatch,
     odds: dict[tuple[int, int], float],
     people: tuple[tuple[int, ...], ...],
-    message: dict[tuple[int, int], float],
+    message: dict[tuple[int, int], tuple[float, int | None]],
 ) -> None:
     """`odds`: (who was known, who is seen) → log-odds that they are the same."""
     shots = _shots(*people)
@@ -122,10 +126,10 @@ def test_an_identity_is_as_sure_as_it_is_better_than_the_best_other_answer(
     scenes = [ScenePeople(0, NUM_FRAMES, ()) for _ in people]
     monkeypatch.setattr(ScenePeople, "track_of", lambda scene, appearance: None)
     found = identity_guesses(shots, scenes, time_s=TIME_S)
-    expected = [IdentityGuess(person, shot, 1 / (1 + np.exp(-margin))) for (person, shot), margin in message.items()]
-    assert [(one.person, one.shot) for one in found] == [(one.person, one.shot) for one in expected]
-    for one, other in zip(found, expected, strict=True):
-        assert one.probability == pytest.approx(other.probability)
+    assert found == [
+        IdentityGuess(person, shot, pytest.approx(1 / (1 + np.exp(-margin))), other)
+        for (person, shot), (margin, other) in message.items()
+    ]
 
 
 def test_a_scene_that_failed_says_nothing_of_who_is_in_it() -> None:

@@ -93,8 +93,8 @@ def test_numbers_that_the_user_trusts_decide_who_is_who() -> None:
         Shot(k, 30 * k, 30 * (k + 1), k, None, tuple(Appearance(person, track) for person, track in here))
         for k, here in enumerate(([(0, 0), (1, 1)], [(0, 1), (1, 0)]))
     ]
-    found = identity.identity_probabilities(shots, people, TIME_S)
-    assert found == {(0, 1): pytest.approx(1.0, abs=1e-6), (1, 1): pytest.approx(1.0, abs=1e-6)}
+    found = identity.identity_answers(shots, people, TIME_S)
+    assert {who: one.probability for who, one in found.items()} == pytest.approx({(0, 1): 1.0, (1, 1): 1.0}, abs=1e-6)
 
 
 def test_two_people_who_change_places_in_the_track_order_are_not_confused() -> None:

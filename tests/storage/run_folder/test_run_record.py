@@ -10,6 +10,7 @@ from three_shots import results
 from humanmm.models.motion.world.align import align
 from humanmm.models.records.camera import Intrinsics
 from humanmm.models.records.recording import Guesses, IdentityGuess, OffFloor
+from humanmm.models.records.shots import Appearance, Shot, ShotList
 from humanmm.models.records.video import VideoFacts
 from humanmm.storage.run_folder.run_record import (
     CorrectionRecord,
@@ -23,6 +24,14 @@ from humanmm.storage.run_folder.run_record import (
 )
 
 SURE = Guesses(0.02, 300, (IdentityGuess(0, 1, 0.97),))
+SHOTS = ShotList(
+    60,
+    tuple(
+        Shot(k, 20 * k, 20 * (k + 1), k, None, tuple(Appearance(person, n) for n, person in enumerate(here)))
+        for k, here in enumerate([(0, 1), (0, 2), (0, 1, 3)])
+    ),
+    (),
+)
 
 
 def _intrinsics(uncertainty: float, source: str = "estimated") -> Intrinsics:
@@ -34,7 +43,7 @@ def _correction(kind: str, *, applied: bool = True) -> CorrectionRecord:
 
 
 def test_what_is_sure_has_no_warning() -> None:
-    assert list(_doubts(_intrinsics(0.05), SURE, ())) == []
+    assert list(_doubts(_intrinsics(0.05), SURE, (), SHOTS)) == []
     assert _floor(SURE, ()) == {"source": "feet", "uncertainty_m": 0.02, "standing_soles": 300}
 
 
@@ -49,27 +58,42 @@ def test_what_is_sure_has_no_warning() -> None:
             Guesses(0.02, 300, off_floor=(OffFloor(1, 5, 30, 0.22),)),
             "person 1 stands 0.22 m above the floor, frames 5",
         ),
-        (0.05, Guesses(0.02, 300, (IdentityGuess(1, 2, 0.55),)), "person 1 in shot 2 may be somebody else"),
+        (
+            0.05,
+            Guesses(0.02, 300, (IdentityGuess(1, 2, 0.55),)),
+            "person 1 in shot 2 may be somebody who was not seen before (probability 0.55 that it is not)",
+        ),
+        (
+            0.05,
+            Guesses(0.02, 300, (IdentityGuess(2, 1, 0.61, other=1),)),
+            "person 2 in shot 1 may be person 1 (probability 0.61 that it is not): if so, `humanmm correct RUN "
+            "same-person 1 2`",
+        ),
+        (
+            0.05,
+            Guesses(0.02, 300, (IdentityGuess(1, 2, 0.61, other=0),)),
+            "if so, `humanmm correct RUN swap 0 1 --from 40 --to 60`",
+        ),
     ],
 )
 def test_what_is_doubtful_is_a_warning(uncertainty: float, guesses: Guesses, message: str) -> None:
-    (warning,) = _doubts(_intrinsics(uncertainty), guesses, ())
+    (warning,) = _doubts(_intrinsics(uncertainty), guesses, (), SHOTS)
     assert message in warning
 
 
 def test_a_focal_length_that_feet_and_paths_contradict_is_uncertain() -> None:
     motion = replace(align(results()), focal_dispute=0.34)
     assert _disputed(_intrinsics(0.1), None).relative_uncertainty == 0.1
-    assert list(_doubts(_disputed(_intrinsics(0.1), replace(motion, focal_dispute=0.0)), SURE, ())) == []
-    (warning,) = _doubts(_disputed(_intrinsics(0.1), motion), SURE, ())
+    assert list(_doubts(_disputed(_intrinsics(0.1), replace(motion, focal_dispute=0.0)), SURE, (), SHOTS)) == []
+    (warning,) = _doubts(_disputed(_intrinsics(0.1), motion), SURE, (), SHOTS)
     assert "the focal length is uncertain by 34 %" in warning
 
 
 def test_a_correction_takes_its_warning_away_if_it_fits() -> None:
     doubtful = Guesses(math.nan, 3, (IdentityGuess(1, 2, 0.55),))
-    assert len(list(_doubts(_intrinsics(0.05), doubtful, ()))) == 2
-    assert list(_doubts(_intrinsics(0.05), doubtful, [_correction("floor"), _correction("swap")])) == []
-    assert len(list(_doubts(_intrinsics(0.05), doubtful, [_correction("floor", applied=False)]))) == 2
+    assert len(list(_doubts(_intrinsics(0.05), doubtful, (), SHOTS))) == 2
+    assert list(_doubts(_intrinsics(0.05), doubtful, [_correction("floor"), _correction("swap")], SHOTS)) == []
+    assert len(list(_doubts(_intrinsics(0.05), doubtful, [_correction("floor", applied=False)], SHOTS))) == 2
     assert _floor(doubtful, [_correction("floor")])["source"] == "given"
     assert _floor(doubtful, ())["source"] == "assumed"
 

@@ -61,7 +61,7 @@ def test_a_change_of_the_focal_length_far_from_its_estimate_is_told_and_not_beli
 def test_who_is_doubtful_is_delivered_and_moves_no_camera(inset: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Somebody who hangs in the air, as the pictures of three static cameras have him. He looks like the other, who
     could therefore be he: how likely that is would weigh the other's evidence."""
-    monkeypatch.setattr(witnesses, "identity_probabilities", lambda *_: {})
+    monkeypatch.setattr(witnesses, "identity_answers", lambda *_: {})
     alone = results()
     doubtful = Person(1, BETAS, 1.0, 0.3, inset=inset)
 
