@@ -3,8 +3,8 @@
 Every shot × track is a sighting. Shots are taken in order, and each shot's sightings are matched one to one with the
 people known so far (Hungarian); a sighting that fits nobody better than chance starts a new person. The score is a sum
 of log-odds, positive for "the same". The colours of the body's parts carry most, as far as they are not of one colour
-themselves; then the clothes' histograms and the ground; the 3D pose on both sides of a cut, compared up to any rotation
-because the camera's is not known yet, adds a little. Bone lengths say nothing (`body.proportions`). Where the user
+themselves; then the clothes' histograms and the ground; the 3D poses on both sides of a cut (`same_pose`) decide where
+colours leave it open. Bone lengths say nothing (`body.proportions`). Where the user
 trusts the numbers of his own tracker, these decide.
 """
 
@@ -18,19 +18,17 @@ from scipy.special import expit, logit
 
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.proportions import bone_lengths, in_detector_convention, shape_from_bones
-from humanmm.models.geometry.alignment import umeyama_alignment
 from humanmm.models.geometry.intervals import in_intervals
 from humanmm.models.geometry.lines import line_through
 from humanmm.models.perception.appearance import median_parts, same_look_odds
 from humanmm.models.perception.clothing import mean_colours
-from humanmm.models.records import landmarks
 from humanmm.models.records.shots import DOUBTFUL, Appearance, LeftOut, Person, Shot, TrackPart
 from humanmm.models.records.tracks import PersonTrack, ScenePeople
 from humanmm.models.shots import insets
 from humanmm.models.shots.left_right_swaps import KnownSides
+from humanmm.models.shots.same_pose import same_pose_odds
 from humanmm.models.video.frame_times import ROUNDING_S, shown_s
 
-SAME_POSE_M, POSE_SPREAD_M, POSE_LIMIT = 0.17, 0.22, 1.0
 NO_COLOURS = 1.5
 """Log-odds of one person where nobody's colours are known (keypoints without pictures): the pose alone parts nobody."""
 NEVER, SURELY = -20.0, 20.0
@@ -251,8 +249,7 @@ def same_person_odds(person: Sequence[Sighting], new: Sighting) -> float:
     odds = max(same_look_odds(*look, *new.look) for look in looks) if known else NO_COLOURS
     before = person[-1]
     if before.shot == new.shot - 1 and before.last is not None and new.first is not None:
-        residual = pose_residual_m(before.last, new.first)
-        odds += float(np.clip((SAME_POSE_M - residual) / POSE_SPREAD_M, -POSE_LIMIT, POSE_LIMIT))
+        odds += same_pose_odds(before.last, new.first)
     return odds
 
 
@@ -310,17 +307,6 @@ def _answer(
             others[person] += max(0.0, odds.get((new, person), 0.0)) - odds[person, person]
     best = max(others, key=lambda other: others[other])
     return Answer(float(expit(own - others[best])), best)
-
-
-def pose_residual_m(a: Float[np.ndarray, "33 3"], b: Float[np.ndarray, "33 3"]) -> float:
-    """Root mean square distance of the limbs after the best rotation, left and right swapped or not."""
-    limbs = list(landmarks.LIMBS)
-    return min(_after_rotation(a[limbs], b[limbs]), _after_rotation(a[limbs], b[landmarks.SWAP][limbs]))
-
-
-def _after_rotation(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) -> float:
-    aligned = umeyama_alignment(a, b, with_scale=False, unique=False).apply(a)
-    return float(np.sqrt(np.square(aligned - b).sum() / len(a)))
 
 
 def is_long_seen(person: Sequence[Sighting]) -> bool:

@@ -51,6 +51,11 @@ class PoseStatistics:
     acceleration: Float[Array, " 63"]
     """Root mean square: rad/s², m/s² for the pelvis."""
 
+    @property
+    def mean(self) -> Float[Array, " 57"]:
+        """Of all poses."""
+        return np.asarray(self.means[-1])  # the wide component's
+
     @cached_property
     def precisions(self) -> Float[Array, "C 57 57"]:
         """Inverse covariances."""

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from humanmm.models.perception.clothing import HISTOGRAM_BINS
-from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS, SWAP
+from humanmm.models.records.landmarks import INDEX, NUM_LANDMARKS
 from humanmm.models.records.shots import Appearance, Shot, Transition
 from humanmm.models.records.tracks import PersonTrack, PoseEstimates, ScenePeople, Silhouettes
 from humanmm.models.shots import identity
-from humanmm.models.shots.identity import SAME_POSE_M, Candidate, Cast, matched_people, pose_at, pose_residual_m
+from humanmm.models.shots.identity import Candidate, Cast, matched_people, pose_at
+from humanmm.models.shots.same_pose import LEAST, same_pose_odds
 
 TIME_S = np.arange(150) / 30
 RED, BLUE, GREEN = (np.eye(HISTOGRAM_BINS)[k] for k in (3, 17, 30))
@@ -114,7 +115,7 @@ def test_without_colours_nobody_becomes_a_stranger_by_his_pose_alone() -> None:
     for side in ("left", "right"):
         folded[[INDEX[f"{side}_knee"], INDEX[f"{side}_ankle"]]] = folded[INDEX[f"{side}_hip"]] - [0, 0.1, 0.4]
         folded[[INDEX[f"{side}_elbow"], INDEX[f"{side}_wrist"]]] = folded[INDEX[f"{side}_shoulder"]] - [0, 0.4, 0.1]
-    assert pose_residual_m(standing(), folded) > SAME_POSE_M
+    assert same_pose_odds(standing(), folded) == LEAST
 
     def colourless(first: int, last: int, pose: np.ndarray) -> PersonTrack:
         nothing = np.zeros((0, HISTOGRAM_BINS), np.float32)
@@ -165,13 +166,6 @@ def test_the_pose_at_the_cut_tells_equally_dressed_people_apart() -> None:
     first = [track(0, 30, RED, size=120, arm=0.0), track(0, 30, RED, arm=2.8)]
     second = [track(30, 60, RED, arm=2.8), track(30, 60, RED, size=120, arm=0.0)]
     assert cast_of(first, second) == [[(0, 0), (1, 1)], [(0, 1), (1, 0)]]
-
-
-def test_the_pose_residual_ignores_rotation_and_swapped_sides() -> None:
-    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
-    turn *= np.sign(np.linalg.det(turn))
-    assert pose_residual_m(standing(1.0), (standing(1.0) @ turn.T)[SWAP]) < 1e-6
-    assert pose_residual_m(standing(0.0), standing(2.8)) > 0.1
 
 
 def test_a_person_must_be_seen_for_seconds_not_for_frames() -> None:
