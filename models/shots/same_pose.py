@@ -23,8 +23,10 @@ CONSTANT, SLOPE = -1.2, 4.4
 (`scripts/fit_identity`)."""
 NOISE_M = 0.08
 """Of landmarks: poses that are nearer to the average than this are as usual as they can be told to be."""
-LEAST, MOST = -1.0, 2.5
-"""Films leave out time at cuts, then people go on in other poses; and strangers may hold themselves alike."""
+LEAST, MOST = -1.0, 1.5
+"""Films leave out time at cuts, then people go on in other poses; and strangers hold themselves alike. Measured is -2.5
+to 2.5; with that twice as many strangers become one person, and no link more is found (docs/measurements/identity.md).
+"""
 
 
 def same_pose_odds(before: Float[Array, "33 3"], after: Float[Array, "33 3"]) -> float:
