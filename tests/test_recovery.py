@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
+from prefect.exceptions import ObjectNotFound
 
 import humanmm
 from humanmm.config_reading import validate
@@ -82,19 +83,24 @@ def test_what_ends_a_run_is_raised_as_it_is(
 
 
 @pytest.mark.parametrize(
-    "words", ["Failed to reach API at http://127.0.0.1:1/api/", "Timed out while attempting to connect to ephemeral"]
+    ("error", "message"),
+    [
+        (RuntimeError("Failed to reach API at http://127.0.0.1:1/api/"), "does not respond"),
+        (RuntimeError("Timed out while attempting to connect to ephemeral"), "does not respond"),
+        (ObjectNotFound(Exception("404")), "cannot record the run .*disk of its database may be full"),
+    ],
 )
-def test_a_server_that_ended_as_the_flow_began_is_told_as_that(
-    toy: Any, monkeypatch: pytest.MonkeyPatch, words: str
+def test_a_server_that_ended_or_cannot_write_is_told_as_that(
+    toy: Any, monkeypatch: pytest.MonkeyPatch, error: Exception, message: str
 ) -> None:
     def fail(*args: Any, **kwargs: Any) -> None:
-        raise RuntimeError(words)
+        raise error
 
     monkeypatch.chdir(toy.folder)
     monkeypatch.setenv("HUMANMM_STORE", str(toy.store))
     monkeypatch.setattr("humanmm.flows.server.local_server.prefect_server", contextlib.nullcontext)
     monkeypatch.setattr("humanmm.flows.recover.recover", fail)
-    with pytest.raises(ResourceError, match="Prefect's server does not respond"):
+    with pytest.raises(ResourceError, match=f"Prefect's server {message}"):
         humanmm.recover("film.mp4", progress=False)
 
 

@@ -254,13 +254,11 @@ def _run_flow(run: "VideoRun", folder: Path, watch: "Watch") -> None:
         try:
             arguments = {"out": folder, "config": run.config, "store": run.store.location, "selection": run.selection}
             state = cast("State[Any]", flow_module.recover(run.video.path, **arguments, return_state=True))
-        except RuntimeError as lost:
-            if not str(lost).startswith(("Failed to reach API", "Timed out while attempting to connect")):
+        except Exception as error:
+            ours = _of_server(error)
+            if ours is error:
                 raise
-            raise ResourceError(
-                "Prefect's server does not respond: it was ended, or this machine is too busy to start one; run again, "
-                "what was computed stays in the store"
-            ) from lost
+            raise ours from error
         finally:
             flow_module.opened.reset(token)
         if state.is_completed() or state.name == "Partial":
@@ -268,9 +266,26 @@ def _run_flow(run: "VideoRun", folder: Path, watch: "Watch") -> None:
         if state.is_cancelled():
             raise KeyboardInterrupt(state.message)
         raised = state.result(raise_on_failure=False)
+    if isinstance(raised, Exception):
+        raise _of_server(raised)
     if isinstance(raised, BaseException):
         raise raised
     raise StoreError(f"the flow ended as {state.name}: {state.message}")
+
+
+def _of_server(error: Exception) -> Exception:
+    """An error of Prefect's client in our words: the server is gone, or cannot write; any other as it is."""
+    from prefect.exceptions import ObjectNotFound, PrefectHTTPStatusError
+
+    if isinstance(error, ObjectNotFound | PrefectHTTPStatusError):
+        what = f"cannot record the run ({type(error).__name__}): the disk of its database may be full; free some space,"
+    elif isinstance(error, RuntimeError) and str(error).startswith(
+        ("Failed to reach API", "Timed out while attempting to connect")
+    ):
+        what = "does not respond: it was ended, or this machine is too busy to start one;"
+    else:
+        return error
+    return ResourceError(f"Prefect's server {what} run again, what was computed stays in the store")
 
 
 @contextlib.contextmanager

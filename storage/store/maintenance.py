@@ -93,9 +93,10 @@ def usage(store: Store) -> dict[str, tuple[int, int]]:
 def removable(store: Store, *, unused_days: float, with_runs: bool = False) -> list[Removable]:
     """Leftovers, damaged artifacts, and artifacts unused for this many days.
 
-    The artifacts of the last run on a video stay, however old they are, unless `with_runs`.
+    The artifacts of the last run on a video, and those of its run folder if that run failed, stay, however old they
+    are, unless `with_runs`.
     """
-    kept = set() if with_runs else {uri for run in store.known_runs() for uri in run.artifacts}
+    kept = set() if with_runs else {uri for run in store.known_runs() for uri in (*run.artifacts, *run.result)}
     found = []
     for entry in store.entries():
         idle_days = entry.idle_s / 86400

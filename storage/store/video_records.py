@@ -34,6 +34,8 @@ class RunNote:
     """Digest of code, weights, libraries and settings, if it is done."""
     artifacts: tuple[str, ...] = ()
     """URIs of everything that it found or computed."""
+    result: tuple[str, ...] = ()
+    """If it failed: those of the last run that wrote its run folder, which stands as it was."""
     finished: str = ""
 
     @property
@@ -86,7 +88,8 @@ class VideoRecords(ABC):
         """The record of this name, one of `runs_noted`; None if it is gone or unreadable."""
         with contextlib.suppress(ValueError, TypeError):
             known = json.loads(self.noted(name) or "")
-            return RunNote(**{**known, "artifacts": tuple(known.get("artifacts", ()))})
+            uris = {name: tuple(known.get(name, ())) for name in ("artifacts", "result")}
+            return RunNote(**known | uris)
         return None
 
     def last_run(self, video: str) -> RunNote | None:

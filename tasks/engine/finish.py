@@ -113,6 +113,8 @@ def write_results(run: VideoRun, run_dir: Path, *, started: float, log_text: str
 
 def remember(run: VideoRun, state: str, *, run_dir: Path | None, reason: str) -> None:
     """Write to the store how the run ended, for which reason, and which artifacts it found or computed."""
+    before = run.store.last_run(run.video.sha256) if state == "failed" else None
+    result = () if before is None else before.result if before.state == "failed" else before.artifacts
     note = RunNote(
         video=run.video.sha256,
         state=state,
@@ -122,6 +124,7 @@ def remember(run: VideoRun, state: str, *, run_dir: Path | None, reason: str) ->
         reason=reason,
         recipe=recipe_of(code_of(run.stages, run.keys.code), run.config) if state == "done" else "",
         artifacts=tuple(outcome.manifest.ref.uri for outcome in _in_order(run) if outcome.manifest),
+        result=result,
         finished=time.strftime(TIME),
     )
     run.store.note_run(note)

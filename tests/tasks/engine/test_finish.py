@@ -13,6 +13,7 @@ import pytest
 from humanmm.errors import InputError, StoreError
 from humanmm.storage.run_folder.motion_zarr import read_motion
 from humanmm.storage.run_folder.run_record import read_run_record
+from humanmm.storage.store import maintenance
 from humanmm.storage.store.locks import FileLock
 from humanmm.tasks.engine import finish
 
@@ -96,3 +97,20 @@ def test_what_was_written_by_other_code_is_not_finished_by_its_recipe(
     assert finish.code_of(run.stages, run.keys.code) == before
     monkeypatch.setattr(finish, "_writer_digest", lambda: "of other code")
     assert finish.code_of(run.stages, run.keys.code) != before
+
+
+def test_a_run_that_failed_leaves_gc_nothing_of_the_run_folder_that_stands(
+    toy: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = toy.run()
+    finish.write_results(run, toy.folder / "out", started=time.time())
+    monkeypatch.setenv("TOY_FAIL", "scenes=bug")
+    for name in ("first", "second"):  # the run before the second is one that failed
+        toy.edit("scenes", "def scenes(", f"{name} = 0\n\n\ndef scenes(")
+        failed = toy.run(expect_failure=True)
+        finish.remember(failed, "failed", run_dir=None, reason="a defect")
+    assert [one.reason for one in maintenance.removable(run.store, unused_days=-1)] == []
+    assert maintenance.removable(run.store, unused_days=-1, with_runs=True)
+    monkeypatch.delenv("TOY_FAIL")
+    finish.write_results(toy.run(), toy.folder / "out", started=time.time())
+    assert maintenance.removable(run.store, unused_days=-1), "of the run folder before nothing is kept any more"
