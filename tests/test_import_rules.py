@@ -1,9 +1,11 @@
 """What code may import, and where it lies: layers, the tower of models, no circles, small rooms, mirrored tests."""
 
 import ast
+import importlib.util
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 
 from import_graph import BASE, ROOT, circles, imported_by, imports, modules, packages, room_of, rooms
 
@@ -201,3 +203,21 @@ def test_every_folder_of_tests_is_a_room() -> None:
 
 def _tested_by(path: Path) -> str:
     return ".".join((*path.parent.parts, path.stem.removeprefix("test_")))
+
+
+def test_scripts_import_what_is_there() -> None:
+    """Most scripts are run by hand, months apart."""
+    missing = []
+    for path in sorted((ROOT / "scripts").iterdir()):
+        if not path.is_file() or not path.read_text().startswith("#!/usr/bin/env python"):
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("humanmm"):
+                module = importlib.import_module(str(node.module))
+                absent = [one.name for one in node.names if not _has(module, one.name)]
+                missing += [f"{path.name}: {node.module}.{name}" for name in absent]
+    assert not missing
+
+
+def _has(module: ModuleType, name: str) -> bool:
+    return hasattr(module, name) or importlib.util.find_spec(f"{module.__name__}.{name}") is not None

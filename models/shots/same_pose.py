@@ -12,8 +12,8 @@ from jaxtyping import Float
 from humanmm.models.body.body24 import FREE_JOINTS, NUM_JOINTS, load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_landmarks
+from humanmm.models.body.pose_statistics import load_pose_statistics
 from humanmm.models.geometry.alignment import umeyama_alignment
-from humanmm.models.motion.fit.pose_prior import load_pose_statistics
 from humanmm.models.records import landmarks
 
 Array = np.ndarray

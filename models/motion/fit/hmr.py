@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from humanmm.machine import single_threaded
 from humanmm.models.body.kinematics import chunks
+from humanmm.models.body.pose_statistics import load_pose_statistics
 from humanmm.models.geometry.projection import inverse_pose, ray_axes, start_position, viewing_rays, world_to_camera
 from humanmm.models.motion.fit.equations import Term, frame_weights
 from humanmm.models.motion.fit.evidence import (
@@ -29,7 +30,6 @@ from humanmm.models.motion.fit.evidence import (
 from humanmm.models.motion.fit.initial import InitialPose, interpolated, start_pose
 from humanmm.models.motion.fit.orientation_doubt import misoriented
 from humanmm.models.motion.fit.pose_error import expected_error_m
-from humanmm.models.motion.fit.pose_prior import load_pose_statistics
 from humanmm.models.motion.fit.solver import SolverSettings, solve_windows
 from humanmm.models.motion.fit.state import NUM_PARAMETERS, PELVIS, CameraPath, LongMotion, Motion, Skeleton
 from humanmm.models.motion.fit.terms import (

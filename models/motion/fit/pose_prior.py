@@ -1,4 +1,5 @@
-"""How people hold and move their joints: a small statistic of motion capture, shipped as weights/pose_prior.npz.
+"""How people hold and move their joints: a small statistic of motion capture, shipped as weights/pose_prior.npz
+(`body.pose_statistics`).
 
 A mixture of Gaussians over the rotation vectors of the 19 free body joints (standing, walking, crouching, … are
 different habits: one Gaussian for all of them would bend a standing man's knees), the range of each component, and the
@@ -6,18 +7,15 @@ usual size of accelerations. `estimate` makes it from motion-capture packs (scri
 beside the file says from which.
 """
 
-import io
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
 
 import numpy as np
 from jaxtyping import Float
 
 from humanmm.models.body.body24 import FREE_JOINTS
+from humanmm.models.body.pose_statistics import PoseStatistics
 from humanmm.models.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from humanmm.models.motion.fit.state import BODY, NUM_PARAMETERS, PELVIS, ROOT
-from humanmm.models.weights.shipped import read_weights
 
 Array = np.ndarray
 
@@ -37,34 +35,6 @@ _EVERY = 8
 
 RANGE_QUANTILE, RANGE_MARGIN = 0.002, 0.15
 """The joint limits lie this far (radians) outside the quantiles of each component."""
-
-
-@dataclass(frozen=True, eq=False)
-class PoseStatistics:
-    """Rotation vectors of FREE_JOINTS (57 numbers, radians), and accelerations of a fit's 63 parameters."""
-
-    shares: Float[Array, " C"]
-    means: Float[Array, "C 57"]
-    covariances: Float[Array, "C 57 57"]
-    lower: Float[Array, " 57"]
-    upper: Float[Array, " 57"]
-    acceleration: Float[Array, " 63"]
-    """Root mean square: rad/s², m/s² for the pelvis."""
-
-    @property
-    def mean(self) -> Float[Array, " 57"]:
-        """Of all poses."""
-        return np.asarray(self.means[-1])  # the wide component's
-
-    @cached_property
-    def precisions(self) -> Float[Array, "C 57 57"]:
-        """Inverse covariances."""
-        return np.asarray(np.linalg.inv(self.covariances))
-
-    @cached_property
-    def log_peaks(self) -> Float[Array, " C"]:
-        """Logarithm of each Gaussian's weight times its density at the mean, up to one constant."""
-        return np.asarray(np.log(self.shares) - 0.5 * np.linalg.slogdet(self.covariances)[1])
 
 
 def mirrored(poses: Float[Array, "frames 24 3"]) -> Float[Array, "frames 24 3"]:
@@ -136,10 +106,3 @@ def _mixture(x: Float[Array, "n 57"], count: int) -> tuple[Array, Array, Array]:
         belongs = np.exp(log_density - log_density.max(axis=1, keepdims=True))
         belongs /= belongs.sum(axis=1, keepdims=True)
     return mass / mass.sum(), means, covariances
-
-
-@lru_cache(maxsize=1)
-def load_pose_statistics() -> PoseStatistics:
-    """The shipped statistics, checked against their sha256."""
-    with np.load(io.BytesIO(read_weights("pose_prior.npz"))) as file:
-        return PoseStatistics(**{name: file[name].astype(np.float64) for name in PoseStatistics.__dataclass_fields__})

@@ -8,10 +8,11 @@ import pytest
 from humanmm.models.body.body24 import load_body
 from humanmm.models.body.kinematics import forward_kinematics
 from humanmm.models.body.landmarks import load_keypoints, load_landmarks
+from humanmm.models.body.pose_statistics import load_pose_statistics
 from humanmm.models.geometry.rotations import rotvec_to_rotmat, swing
 from humanmm.models.motion.fit.evidence import gather
 from humanmm.models.motion.fit.hmr import fit_person, fit_shot
-from humanmm.models.motion.fit.pose_prior import load_pose_statistics, mirrored
+from humanmm.models.motion.fit.pose_prior import mirrored
 from humanmm.models.motion.fit.state import CameraPath
 from humanmm.models.records.camera import ShotCamera
 from humanmm.models.records.landmarks import SWAP
