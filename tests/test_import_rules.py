@@ -220,4 +220,5 @@ def test_scripts_import_what_is_there() -> None:
 
 
 def _has(module: ModuleType, name: str) -> bool:
-    return hasattr(module, name) or importlib.util.find_spec(f"{module.__name__}.{name}") is not None
+    of_package = hasattr(module, "__path__") and importlib.util.find_spec(f"{module.__name__}.{name}") is not None
+    return hasattr(module, name) or of_package
