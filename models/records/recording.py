@@ -148,7 +148,7 @@ class IdentityGuess:
     probability: float
     """From clothes and the pose at the cut, against the best other answer."""
     other: int | None = None
-    """That answer: another person's number, or nobody who was seen before."""
+    """That answer: another person's number; None: nobody who was seen before."""
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ Every shot × track is a sighting. Shots are taken in order, and each shot's sig
 people known so far (Hungarian); a sighting that fits nobody better than chance starts a new person. The score is a sum
 of log-odds, positive for "the same". The colours of the body's parts carry most, as far as they are not of one colour
 themselves; then the clothes' histograms and the ground; the 3D poses on both sides of a cut (`same_pose`) decide where
-colours leave it open. Bone lengths say nothing (`body.proportions`). Where the user
-trusts the numbers of his own tracker, these decide.
+colours leave it open. Bone lengths say nothing (`body.proportions`). Where the user trusts the numbers of his own
+tracker, these decide.
 """
 
 from collections.abc import Mapping, Sequence
@@ -79,7 +79,7 @@ class Answer:
     probability: float
     """That it is right, against the best other answer."""
     other: int | None
-    """That answer: another person's number, or nobody known."""
+    """That answer: another person's number; None: nobody who was seen before."""
 
 
 @dataclass(frozen=True)
