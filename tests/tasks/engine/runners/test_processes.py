@@ -102,10 +102,10 @@ def test_the_start_of_a_process_does_not_count_in_a_limit(
     toy: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     slow = tmp_path / "slow_python"
-    slow.write_text(f'#!/bin/sh\nsleep 4\nexec {sys.executable} "$@"\n')
+    slow.write_text(f'#!/bin/sh\nsleep 6\nexec {sys.executable} "$@"\n')
     slow.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(slow))
-    run = toy.open(run={"isolate": True, "stages": {"decode": {"limit_s": 3}}})
+    run = toy.open(run={"isolate": True, "stages": {"decode": {"limit_s": 5}}})
     with monkeypatch.context() as impatient:
         impatient.setattr("humanmm.tasks.engine.runners.processes.START_LIMIT_S", 1.0)
         with pytest.raises(ResourceError, match="decode: its process did not start within 1 s"):
