@@ -19,8 +19,8 @@ from humanmm.models.records import landmarks
 Array = np.ndarray
 
 CONSTANT, SLOPE = -1.2, 4.4
-"""Of the logistic regression on the logarithm of how unusual both poses are over how far they are apart
-(`scripts/fit_identity`)."""
+"""Of a logistic regression on the logarithm of how unusual both poses are over how far they are apart, on development
+clips (docs/measurements/identity.md); `scripts/fit_identity` fits it to others."""
 NOISE_M = 0.08
 """Of landmarks: poses that are nearer to the average than this are as usual as they can be told to be."""
 LEAST, MOST = -1.0, 1.5

@@ -449,18 +449,15 @@ def _doubts(
 
 def _identity_doubt(one: "IdentityGuess", shots: ShotList) -> str:
     """A warning that somebody in a shot may be somebody else, who that may be, and the command that says so."""
+    doubt = f"shots: person {one.person} in shot {one.shot} may be"
+    odds = f"(probability {one.probability:.2f} that it is not)"
     if one.other is None:
-        other, command = "somebody who was not seen before", ""
-    else:
-        other, (low, high) = f"person {one.other}", sorted((one.person, one.other))
-        together = any({low, high} <= {a.person for a in shot.people} for shot in shots.shots)
-        shot = shots.shots[one.shot]
-        command = f"swap {low} {high} --from {shot.start} --to {shot.end}" if together else f"same-person {low} {high}"
-    cure = f": if so, `humanmm correct RUN {command}`" if command else ""
-    return (
-        f"shots: person {one.person} in shot {one.shot} may be {other} (probability {one.probability:.2f} that it is "
-        f"not){cure}"
-    )
+        return f"{doubt} somebody who was not seen before {odds}"
+    low, high = sorted((one.person, one.other))
+    shot = shots.shots[one.shot]
+    together = any({low, high} <= {a.person for a in each.people} for each in shots.shots)
+    command = f"swap {low} {high} --from {shot.start} --to {shot.end}" if together else f"same-person {low} {high}"
+    return f"{doubt} person {one.other} {odds}: if so, `humanmm correct RUN {command}`"
 
 
 def _fallbacks(shots: ShotList, motion: WorldMotion | None) -> list[str]:

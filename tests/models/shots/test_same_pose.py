@@ -29,15 +29,12 @@ def test_the_residual_ignores_rotation_and_swapped_sides() -> None:
 
 
 def test_an_unusual_pose_that_goes_on_says_more_than_one_that_everybody_has() -> None:
-    same = [[same_pose_odds(_seen(pose, seed=k), _seen(pose, seed=k + 50)) for k in range(9)] for pose in _both()]
+    poses = average_pose(), _arms_up()
+    same = [[same_pose_odds(_seen(pose, seed=k), _seen(pose, seed=k + 50)) for k in range(9)] for pose in poses]
     usual, unusual = np.median(same, axis=1)
     assert abs(usual) < 0.5 < 1 < unusual <= MOST
     other = [same_pose_odds(_seen(_arms_up(), seed=k), _seen(average_pose(), seed=k + 50)) for k in range(9)]
     assert np.median(other) == LEAST
-
-
-def _both() -> tuple[np.ndarray, np.ndarray]:
-    return average_pose(), _arms_up()
 
 
 def test_the_average_pose_stands_upright_with_arms_at_its_sides() -> None:
